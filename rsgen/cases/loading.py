@@ -539,8 +539,10 @@ _TABLE = re.compile(r"\s*\[+([\w.]+)\]")
 _OPEN_ENTRY = re.compile(r"\s*(\w+)\s*=.*# TODO: ")
 
 
-def unconfirmed(case: Case) -> tuple[Finding, ...]:
-    """Return a doubt where an entry of a case still has the TODO of its draft.
+def mark_open_entries(
+    case: Case, test: ResponseSurface | MultisineSpectra
+) -> ResponseSurface | MultisineSpectra:
+    """Return the test of a case with a doubt where an entry still has the TODO of its draft, else without.
 
     No number of a test shows that a unit or a sign is another one, so that only a person can confirm these.
     """
@@ -550,7 +552,10 @@ def unconfirmed(case: Case) -> tuple[Finding, ...]:
             table = head[1]
         elif entry := _OPEN_ENTRY.match(line):
             found.append(f"{entry[1]} of {table} (line {number})")
-    return (Finding("entries-not-confirmed", "doubt", names={"entries": listed(found)}),) if found else ()
+    doubt = Finding("entries-not-confirmed", "doubt", names={"entries": listed(found)})
+    # a file of an earlier run has the doubt of that time
+    others = [one for one in test.findings if one.code != doubt.code]
+    return replace(test, findings=(*others, doubt) if found else tuple(others))
 
 
 def read(
@@ -583,6 +588,5 @@ def read(
     if isinstance(test, MeasuredTest):
         # the readers of files are imported when the name is first used
         table = rsgen.files.read_measurement(test)
-        doubts = unconfirmed(source) if isinstance(source, Case) else ()
-        return replace(table, findings=(*table.findings, *doubts)) if doubts else table
+        return mark_open_entries(source, table) if isinstance(source, Case) else table
     raise RsgenError("the case is simulated and has no file to read; rsgen.simulate computes its surface")

@@ -33,7 +33,7 @@ BASE_UNITS = {"": "N"} | QUANTITIES
 """Unit of levels: of the force, or of the motion of a driven base."""
 
 CHANNEL_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,39}")
-"""What a channel or sensor may be called: it stands in sums, and in names of columns."""
+"""Name that a channel or sensor may have: it stands in sums, and in names of columns."""
 
 FILE_ROUND_OFF = 1e-6
 """Relative difference of frequencies, or of an amount from its nominal level, that is round-off of files."""

@@ -81,7 +81,7 @@ _UNIT = re.compile(
     rf"[\[(]?\s*(?:{_PER_TIME}|(?:{_NAMED}|[unµ]N|m?A|thou|ft|kgf|strain|Pa|kg|°|%|-|1|rad/s|1/min)(?:/(?:[munkµ]?N|lbf|s|V))?"
     r"|\(?[mg]/?s?\^?2?\)?/N)\s*[\])]?"
 )
-"""What stands alone in a row of units below the titles."""
+"""Unit that stands alone in a row of units below the titles."""
 _SPELLED = re.compile(r"_([munkµ]?m|in)(?:_s(2?)|s(2))\Z")
 """Names without strokes: "v_mm_s", "a_ms2"."""
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")

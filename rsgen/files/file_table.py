@@ -33,7 +33,7 @@ _SCALES = {
     "peak": ("peak amplitudes", "scale = 'peak'"),
     "half-peak": ("halves of the peak amplitudes", "factor = 2"),
 }
-"""What the amplitudes of a file are by its word for them, and what the case must say."""
+"""Kind of the amplitudes of a file by its word for them, and the entry that the case needs."""
 
 
 def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:

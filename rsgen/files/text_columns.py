@@ -40,7 +40,7 @@ MISSING = re.compile(
     r"(?:[+-]?(?:nan|inf|infinity)|#?n/?a|n\.\s?a\.|null|none|missing|[-\u2013\u2014]{1,3}|\?|)\Z",
     re.IGNORECASE,
 )
-"""What instruments and programs write in place of a number that is missing."""
+"""Texts that instruments and programs write in place of a number that is missing."""
 WORD = re.compile(r"[^\W\d_]")
 """A cell that begins with a letter is a word; "12a4", "1,5" and "=A1" are numbers gone wrong."""
 

@@ -222,7 +222,7 @@ _FIELD = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII
 _PLAIN = re.compile(rb"[0-9eEdD+\-.\s]*\Z")
 _BINARY = re.compile(r" {0,5}58b *(\d+) +(\d+) +(\d+) +(\d+)(?: |\Z)", re.ASCII)
 _HEADER = ("model", "description", "program", "created", "saved", "written by", "written")
-"""What the lines of data set 151 say, in their order."""
+"""Contents of the lines of data set 151, in their order."""
 _ABSCISSAS = {17: ("time", "s"), 18: ("frequency", "Hz"), 19: ("speed", "rpm"), 20: ("order", "")}
 
 

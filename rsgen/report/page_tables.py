@@ -71,7 +71,7 @@ class Table:
 
 
 _Says = Callable[[Any], str | Cell]
-"""What a column says of the item of a row."""
+"""Text of a column for the item of a row."""
 
 
 def _digits(estimate: Estimate) -> int:

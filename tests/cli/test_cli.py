@@ -16,6 +16,9 @@ import pytest
 from rsgen import __version__
 from rsgen.app.cli.application import COMMANDS
 from rsgen.app.study.folder import read_manifest
+from rsgen.app.study.run_case import obtain_table
+from rsgen.cases.loading import load_case, read
+from rsgen.data.surface.response_surface import save_surface
 from rsgen.formula.reading import parse
 from tests.case_files import write_small
 from tests.programs import RSGEN, python, shell
@@ -319,4 +322,9 @@ def test_a_wildcard_in_quotes_stands_for_its_files_and_an_open_todo_is_said(tmp_
     ended = run_cli("identify", path)
     assert ended.code == 1
     assert "not confirmed" in ended.out.lower()
+    # the file of that time has the doubt; the case decides
+    save_surface(tmp_path / "surface.h5", read(path))
+    path.write_text(re.sub(" +# TODO: .*", "", path.read_text()))
+    found = obtain_table(load_case(path), saved=tmp_path / "surface.h5").findings
+    assert "entries-not-confirmed" not in {finding.code for finding in found}
     assert "not confirmed" not in run_cli("check", ROOT / "cases" / "formats" / "csv-magnitude.toml").out

@@ -31,7 +31,7 @@ from rsgen.app.study.folder import (
     write_manifest,
 )
 from rsgen.cases.case import Case, law_faults
-from rsgen.cases.loading import load_case, read
+from rsgen.cases.loading import load_case, mark_open_entries, read
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, quote, shown_path
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -213,7 +213,7 @@ def obtain_table(
         A file cannot be read, or no motion follows from the law, as ``rsgen check`` says.
     """
     if saved is not None:
-        return rsgen.files.load_surface(saved)
+        return mark_open_entries(case, rsgen.files.load_surface(saved))
     if refused := law_faults(case):
         raise CaseError(refused)
     test: Any = case.test

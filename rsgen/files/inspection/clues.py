@@ -158,7 +158,7 @@ _WITHIN = re.compile(r"\s?[\[(]\s*([^()\[\]]{1,12}?)\s*[\])](?=\s)")
 _LAST = re.compile(r"(?<=\S)\s+(\S{1,12})\Z")
 """A unit as the last word of a title: "Acceleration g"."""
 _NO_UNIT = ("", "-", "1", "%")
-"""What stands in a row of units and says nothing at the end of a title."""
+"""Texts that stand in a row of units and say nothing at the end of a title."""
 
 _UNITS = ("unit", "units", "Unit", "Units")
 _NAMES = ("name", "Name", "SignalName", "ChannelName", "channel_name", "label", "Label", "Title")

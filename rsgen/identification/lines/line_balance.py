@@ -18,8 +18,8 @@ motion enters N nonlinearly, so three quantities are estimated from the P single
   Fuller, Measurement Error Models, Wiley 1987).
 
 Lines at which noise hides the response, and lines above the record, are computed from the law by fixed-point
-iteration, with the dynamic stiffness of the mean slopes of the law: X_h = (F_h - N_h)/(m (i h omega0)^2)
-above the record, the same below the lowest clear line. Noise then reaches neither the velocity nor, where
+iteration, from X_h to X_h + (F_h - m s^2 X_h - N_h)/(m s^2 + c s + k) with s = i h omega0 and the mean slopes
+k, c of the law. Noise then reaches neither the velocity nor, where
 displacements are accelerations over omega^2, the lowest lines, and a law with corners and jumps gets a motion
 with all its lines. The balance that remains at a computed line is the inertia of the difference between the
 record and the motion of the law.
@@ -310,10 +310,10 @@ class LawAlongRecord:
         (m s^2 + c s + k) dX_h = F_h - m s^2 X_h - N_h(X),    k, c the mean slopes of the law,
 
     below the lowest clear line and above the record: the balance is repeated with X + dX until X no longer
-    changes (``_solve_lines``, on construction). ``mean`` is the law along this
-    motion. Computed lines of a period are those of the mean motion, the low ones plus the response of the
-    linearised law to the difference of the two forces. The slopes of the balance contain what a parameter
-    moves of the computed lines and of the mean (``_motion_slopes``, ``_with_mean``).
+    changes (``_solve_lines``, on construction). ``mean`` is the law along this motion. Computed lines of a
+    period are those of the mean motion, the low ones plus the response of the linearised law to the
+    difference of the two forces. The slopes of the balance contain what a parameter moves of the computed
+    lines and of the mean (``_motion_slopes``, ``_with_mean``).
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, record: int) -> None:

@@ -203,10 +203,7 @@ def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurf
 
 
 def _forces(surface: ResponseSurface) -> dict[float, float]:
-    """Return the force measured near the resonance of each level, or the acceleration of a base."""
-    if surface.base == "acceleration" and not surface.per_mass:
-        # forces of a mass, which a surface does not have; its levels are what was to be held
-        return {float(level): float(level) for level in surface.levels}
+    """Return the force [N], or per unit mass, measured near the resonance of each level."""
     return {float(v): float(force) for v, force in zip(surface.levels, typical_amounts(surface), strict=True)}
 
 
@@ -219,11 +216,16 @@ def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
 
 def _curves_of(prediction: Prediction, surface: ResponseSurface) -> dict[float, ResonanceCurve]:
     """Return the curve at each level that has one: at the nearest of the forces measured near resonance."""
+
+    def size(curve: ResonanceCurve) -> float:
+        # of a driven base the level is a force per unit mass
+        return curve.level if surface.per_mass else curve.force
+
     forces, found = _forces(surface), dict[float, ResonanceCurve]()
     for curve in prediction.curves:
-        level, force = min(forces.items(), key=lambda pair: abs(pair[1] - curve.level))
-        nearer = level not in found or abs(found[level].level - force) > abs(curve.level - force)
-        if len(curve.frequency) and nearer and abs(curve.level - force) <= _SPREAD_OF_LEVEL * force:
+        level, force = min(forces.items(), key=lambda pair: abs(pair[1] - size(curve)))
+        nearer = level not in found or abs(size(found[level]) - force) > abs(size(curve) - force)
+        if len(curve.frequency) and nearer and abs(size(curve) - force) <= _SPREAD_OF_LEVEL * force:
             found[level] = curve
     return found
 
@@ -280,7 +282,7 @@ def _draw_level(axes: Axes, items: Sequence[HeldOutLevel], prediction: Predictio
     # a shaker loses force at a resonance: the points do not lie on the curve at one force
     held = abs(items[0].force - items[0].level) <= near and items[0].level_unit == "N"
     at, pale = ("", 1.0) if held else (f" at {quantity_text(items[0].force, items[0].force_unit, 3)}", 0.45)
-    for curve in (one for one in drawn if abs(one.level - items[0].force) <= near):
+    for curve in (one for one in drawn if abs(one.force - items[0].force) <= near):
         low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
         high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
         axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
