@@ -5,7 +5,7 @@ import pytest
 
 from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine
 from rsgen.data.oscillator import Observation, Oscillator
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface, without_offset
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
@@ -187,11 +187,44 @@ def test_an_offset_of_the_sensor_is_named_where_a_law_has_an_even_term(even):
     harmonics = np.array(measured.harmonics)
     harmonics[:, 0] += 2e-4
     shifted = identify(changed(measured, harmonics=harmonics), law)
-    (missing,) = (one for one in shifted.findings if one.code == "background-missing")
-    assert (missing.parameter, missing.names) == ("k2", {"kind": "mean"})
-    assert missing["offset"] == pytest.approx(2e-4, rel=0.1)
+    (said,) = (one for one in shifted.findings if one.code in ("background-missing", "sensor-offset"))
+    assert said["offset"] == pytest.approx(2e-4, rel=0.1)
+    # a mean that is constant is taken off; one that an even force moves as well is a doubt
+    constant = said.code == "sensor-offset"
+    assert constant == (even == 0) == (shifted.verdict.state == "identified")
+    assert constant or (said.parameter, said.names) == ("k2", {"kind": "mean"})
     assert shifted["k2"].interval[0] < even < shifted["k2"].interval[1]
     assert not {"background-missing", "law-ambiguous"} & codes(identify(measured, law))
+
+
+@pytest.mark.parametrize("offset", [1e-6, 2e-5, 3e-4, -2e-3])
+def test_the_zero_of_a_sensor_moves_neither_values_nor_errors(offset):
+    law, values = "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 5920.0, "k3": 2e5, "c": 3.8, "Ff": 0.3}
+    measured = noisy(table(law, values, LEVELS, 40, 6), 0.003, 6)
+    harmonics = np.array(measured.harmonics)
+    harmonics[:, 0] += offset
+    shifted = changed(measured, harmonics=harmonics, peak=measured.peak + offset)
+    found, true = identify(shifted, law), identify(measured, law)
+    assert found.verdict.state == true.verdict.state == "identified"
+    for one, other in zip(found, true, strict=True):
+        assert one.value == pytest.approx(other.value, abs=0.02 * other.standard_error)
+        assert one.standard_error == pytest.approx(other.standard_error, rel=0.02)
+    taken = [one["offset"] for one in found.findings if one.code == "sensor-offset"]
+    assert taken == [pytest.approx(offset, rel=0.02)] or abs(offset) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("term", "values"),
+    [
+        ("k2*x**2", {"k2": 1.5e4}),
+        ("kb*Max(x, 0)", {"kb": 600.0}),
+        ("kb*Max(x - b, 0)", {"kb": 900.0, "b": 4e-3}),
+    ],
+)
+def test_a_mean_that_a_force_makes_is_no_offset(term, values):
+    law = f"k*x + c*v + {term}"
+    measured = noisy(table(law, {"k": 5920.0, "c": 3.8, **values}, LEVELS, 40, 6), 0.003, 6)
+    assert without_offset(measured) is measured
 
 
 def test_motions_that_break_the_symmetry_of_their_law_say_nothing_for_an_even_force():

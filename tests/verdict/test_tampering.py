@@ -120,6 +120,12 @@ def test_exact_data_of_a_right_law_are_no_doubt(seed):
     assert max(map(abs, row.share.values())) < 5e-3
 
 
+def test_a_descent_that_creeps_is_not_corrected_into_another_solution():
+    """A gap that one point passes: corrected without bound, the fit ended at a negative one."""
+    row = campaign.run("barely passed", 9248)
+    assert not row.identified or row.covered["b"]
+
+
 def test_a_refusal_is_neither_doubtful_nor_rejected():
     """Friction holds all points but those of the resonance: the test does not determine the mass."""
     row = campaign.run("right", 6232)

@@ -21,6 +21,7 @@ from rsgen.common.errors import RsgenError, known_arguments, listed, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.output import write_atomic
 from rsgen.common.text_table import TextTable, short
+from rsgen.common.tolerances import STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.record_set import BASE_UNITS, FILE_ROUND_OFF, Records, below_acceleration
 from rsgen.data.surface.columns import (
     COLUMN_UNITS,
@@ -443,6 +444,11 @@ class ResponseSurface(Records):
 # Copies of rows, which are no second measurement.
 
 
+def corrected_surface(surface: ResponseSurface) -> ResponseSurface:
+    """Return the surface as it is fitted: without copies of rows, and without the offset of its sensor."""
+    return without_offset(without_copies(surface))
+
+
 def without_copies(surface: ResponseSurface) -> ResponseSurface:
     """Return the surface with one row of each point whose rows are equal; a finding has their number.
 
@@ -469,6 +475,53 @@ def without_copies(surface: ResponseSurface) -> ResponseSurface:
     numbers = quantities(rows=int(np.count_nonzero(~kept)), all=len(surface))
     finding = Finding("rows-left-out", "warning", numbers=numbers, names={"by": "copies"})
     return replace(surface.select(kept), findings=(*surface.findings, finding))
+
+
+# ----------------------------------------------------------------------------
+# The offset of a displacement sensor, which shows no zero at rest.
+
+_MAX_MEAN_LEFT = 0.1
+"""Share of the mean relative to the amplitudes that a constant leaves, beyond noise, if it is an offset. Of
+means that grow like X or X^2 over two octaves it leaves 0.4 and more."""
+
+_MIN_OCTAVES, _MIN_PAIRS = 2, 8
+"""Octaves of amplitude over which a mean is to be constant, and pairs of neighbours that show its noise."""
+
+
+def without_offset(surface: ResponseSurface) -> ResponseSurface:
+    """Return the surface without the offset of its sensor; a finding has it.
+
+    An even force makes a mean that grows with the amplitude X; a mean that is one constant o at all
+    amplitudes says where the zero of the sensor lies. Least squares of (mean - o)/X, in which every
+    octave of X counts the same; noise is half the mean square of differences of neighbours.
+    """
+    mean, size = surface.harmonics[:, 0].real, surface.amplitude
+    rows = np.flatnonzero(surface.settled & np.isfinite(mean) & np.isfinite(size) & (size > 0))
+    if not mean[rows].any():
+        return surface
+    mean, size = mean[rows], size[rows]
+    octave = np.floor(np.log2(size / size.min())).astype(np.intp)
+    share = 1 / np.bincount(octave)[octave]
+    weight = share / size**2
+    offset = float(np.sum(weight * mean) / np.sum(weight))
+    before, left = mean / size, (mean - offset) / size
+    level, sweep = surface.level[rows], surface.sweep[rows]
+    near = np.flatnonzero((level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1]))
+    if octave.max() < _MIN_OCTAVES or len(near) < _MIN_PAIRS:
+        return surface
+    noise = float(np.average(np.diff(left)[near] ** 2, weights=share[near])) / 2
+    constant, other = (float(np.average(part**2, weights=share)) - noise for part in (before, left))
+    error = np.sqrt(noise * np.sum((weight * size) ** 2)) / np.sum(weight)
+    by_chance = STANDARD_ERRORS_OF_DIFFERENCE * noise * np.sqrt(2 / len(near))
+    steady = other <= max(_MAX_MEAN_LEFT**2 * constant, by_chance)
+    if not (steady and abs(offset) > STANDARD_ERRORS_OF_DIFFERENCE * error):
+        return surface
+    finding = Finding("sensor-offset", "info", numbers={"offset": Quantity(offset, "m")})
+    harmonics = np.array(surface.harmonics)
+    harmonics[:, 0] -= offset
+    return replace(
+        surface, harmonics=harmonics, peak=surface.peak - offset, findings=(*surface.findings, finding)
+    )
 
 
 # ----------------------------------------------------------------------------

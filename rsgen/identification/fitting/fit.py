@@ -454,7 +454,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     rules = _rules(problem, observed.points, steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy)
     for _ in range(_RENEWALS):
         found = fit(descent.linearise, parameters, nuisance, rules, neighbours=observed.points.neighbours)
-        if noisy:
+        if noisy and found.converged:
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance
         exact = found.noise < RESOLUTION * accuracy
