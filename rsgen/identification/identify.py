@@ -40,7 +40,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.data.surface.response_surface import ResponseSurface, corrected_surface
+from rsgen.data.surface.response_surface import ResponseSurface, as_fitted
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
@@ -299,7 +299,7 @@ def identify_points(
     The simulator is not asked for less than the misfit ``attained``, relative to force and response. On
     ``most`` points, if it is not 0, levels are not predicted.
     """
-    surface = corrected_surface(surface)
+    surface = as_fitted(surface)
     if surface.per_mass and surface.base and not any(f.code == "base-misread" for f in surface.findings):
         # files were checked when they were read, arrays were not
         misread = base_findings(surface, absolute=False, senses=False)

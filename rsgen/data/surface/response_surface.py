@@ -444,7 +444,7 @@ class ResponseSurface(Records):
 # Copies of rows, which are no second measurement.
 
 
-def corrected_surface(surface: ResponseSurface) -> ResponseSurface:
+def as_fitted(surface: ResponseSurface) -> ResponseSurface:
     """Return the surface as it is fitted: without copies of rows, and without the offset of its sensor."""
     return without_offset(without_copies(surface))
 

@@ -29,7 +29,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface.response_surface import ResponseSurface, corrected_surface
+from rsgen.data.surface.response_surface import ResponseSurface, as_fitted
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
@@ -150,7 +150,7 @@ def rank(
     else:
         require(surface, ResponseSurface, "surface")
         sensors = sensors_of(elements, int(surface.across.size > 0))
-        test = PointTest(*per_unit_mass(corrected_surface(surface), base), laws.values(), sensors)
+        test = PointTest(*per_unit_mass(as_fitted(surface), base), laws.values(), sensors)
     given = tuple(test.start(name, elements) for name, elements in laws.items())
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
