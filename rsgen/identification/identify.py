@@ -34,6 +34,7 @@ from rsgen.common.tolerances import (
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MISFIT_OF_NOISE,
     MISFIT_REJECTED,
+    NEAR_STEPS,
     SUBSAMPLE_POINTS,
     f_quantile,
 )
@@ -161,8 +162,10 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     needs_simulator &= noise > _ACCURACIES[-1]
     if few is problem:
         return refined, needs_simulator
-    # what the simulator takes up needs no more than one step
-    steps = 1 if needs_simulator else MAX_NEWTON_STEPS
+    # what the simulator takes up needs no more than one step, and the fit of a law that misses by far creeps
+    misses = relative_misfit(refined) > MISFIT_REJECTED
+    needs_simulator &= not misses
+    steps = 1 if needs_simulator else NEAR_STEPS if misses else MAX_NEWTON_STEPS
     found = fit_balance(problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise)
     return found, needs_simulator
 
