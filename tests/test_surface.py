@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import rsgen as rs
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, Quantity
-from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface, save_surface, without_copies
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface, save_surface, without_copies
 from rsgen.files.surface_file import load_surface
 from rsgen.report.wording.sentences import sentence
 from tests.samples import cubic_surface
@@ -31,7 +31,7 @@ def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
         level=random.uniform(0, 10, n), frequency=random.uniform(1, 100, n),
         force=complex_normal(n, random.integers(2, 5)), harmonics=complex_normal(n, harmonics + 1),
         peak=np.where(random.random((n, 1)) < 0.3, np.nan, random.normal(size=(n, 2))),
-        sweep=random.choice(["rest", "up", "down"], n), outcome=random.integers(0, len(OUTCOMES), n),
+        sweep=random.choice(["rest", "up", "down"], n), outcome=random.integers(0, len(Outcome), n),
         residual=random.exponential(size=n), error=np.full(n, np.nan),
         origin=str(random.choice(["simulated", "measured"])), phase_known=bool(random.random() < 0.5),
         across=complex_normal(n, harmonics + 1) if random.random() < 0.5 else None,

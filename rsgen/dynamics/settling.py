@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.data.surface.response_surface import Outcome
 from rsgen.dynamics.fixed_point import (
     ORBIT_OFFSET,
     FixedPoints,
@@ -70,7 +71,7 @@ class SteadyStates:
     residual
         (n,) how far the state is from repeating after one period, relative to the amplitude [1].
     outcome
-        (n,) index into ``rsgen.data.surface.response_surface.OUTCOMES``; 0 is settled.
+        (n,) an ``Outcome``; 0 is settled.
     error
         (n,) estimated relative error of the fundamental [1].
     """
@@ -94,7 +95,7 @@ class SteadyStates:
     @property
     def settled(self) -> NDArray[np.bool_]:
         """(n,) True where the response repeats with the period of the force."""
-        return np.equal(self.outcome, 0)
+        return np.equal(self.outcome, Outcome.SETTLED)
 
     @classmethod
     def joined(cls, parts: Sequence[Self], order: NDArray[np.intp] | None = None) -> Self:
@@ -115,9 +116,6 @@ class ControlledStates(SteadyStates):
     force: ComplexArray
     stable: NDArray[np.bool_]
 
-
-SETTLED, UNSETTLED, PERIOD_TWO, DIVERGED = range(4)
-"""Outcomes, as in ``surface.OUTCOMES``."""
 
 COARSE_STEPS = 24
 """Steps a period: enough to separate branches; accuracy comes afterwards."""
@@ -180,7 +178,7 @@ def settle(
         y=start.copy(),
         jacobian=np.zeros((size, size, n)),
         steps=np.full(n, steps),
-        outcome=np.full(n, UNSETTLED, dtype=np.int8),
+        outcome=np.full(n, Outcome.UNSETTLED, dtype=np.int8),
     )
     least = period_map.scale()
     active = np.arange(n)
@@ -224,7 +222,7 @@ def _one_round(
         y[:, lost], history[:, :, lost] = again.state, again.history
         bounded = np.isfinite(norm(y))
     result.steps[active], result.y[:, active] = steps, y
-    result.outcome[active[~bounded]] = DIVERGED
+    result.outcome[active[~bounded]] = Outcome.DIVERGED
     active, y, history = active[bounded], y[:, bounded], history[:, :, bounded]
     settled = _accept(period_map, result, active, y, history, least[active])
     left = np.flatnonzero(~settled)
@@ -232,7 +230,7 @@ def _one_round(
     two_ago, one_ago = norm(y[:, left] - history[0][:, left]), norm(y[:, left] - history[1][:, left])
     repeats = two_ago < _MAX_CHANGE_OF_PERIOD_TWO * size
     twice = repeats & (one_ago > 1e3 * _MAX_CHANGE_OF_PERIOD_TWO * size)
-    result.outcome[active[left[twice]]] = PERIOD_TWO
+    result.outcome[active[left[twice]]] = Outcome.PERIOD_TWO
     return active[left[~twice]]
 
 
@@ -269,7 +267,7 @@ def _accept_moving(
     settled = np.asarray(reached | repeats)
     result.y[:, active[reached]] = fixed.y[:, reached]
     result.jacobian[:, :, active[settled]] = fixed.jacobian[:, :, settled]
-    result.outcome[active[settled]] = SETTLED
+    result.outcome[active[settled]] = Outcome.SETTLED
     return settled
 
 
@@ -316,7 +314,7 @@ def _accept_sticking(
         found.y[:, kept], found.jacobian[:, :, kept],
     )  # fmt: skip
     memory.put(points[kept], closed.of(kept))
-    result.outcome[points[kept]] = SETTLED
+    result.outcome[points[kept]] = Outcome.SETTLED
     settled[here[sure[kept]]] = True
     return settled
 

@@ -33,6 +33,7 @@ from rsgen.common.declaration import Rule
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import MISFIT_OF_NOISE
 from rsgen.data.oscillator import Oscillator, refuse_across
+from rsgen.data.surface.response_surface import Outcome
 from rsgen.dynamics.fixed_point import (
     Indices,
     LoopMemory,
@@ -47,10 +48,7 @@ from rsgen.dynamics.fixed_point import (
 from rsgen.dynamics.kernel import Kernel, compile_kernel
 from rsgen.dynamics.settling import (
     COARSE_STEPS,
-    DIVERGED,
     FINER_STEPS,
-    SETTLED,
-    UNSETTLED,
     Settling,
     SteadyStates,
     grid_above,
@@ -153,13 +151,13 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
         outcome=settling.outcome.copy(),
     )
     jacobian = settling.jacobian.copy()
-    points = np.flatnonzero(settling.outcome == SETTLED)
+    points = np.flatnonzero(settling.outcome == Outcome.SETTLED)
     steps = np.maximum(settling.steps, grid_above(np.maximum(COARSE_STEPS, 2.0 * harmonics + 2)))
     few = min(harmonics, _COMPARED_HARMONICS)
     # the coarse fixed point belongs to other steps, or is good enough to be recorded at once
     late = 0 if len(points) and (steps[points] == settling.steps[points]).all() else 1
     _solve(period_map, result, jacobian, points, steps, 0.1 * accuracy, few, peaks=False, first_record=late)
-    points = points[result.outcome[points] == SETTLED]
+    points = points[result.outcome[points] == Outcome.SETTLED]
     finer = steps * 2
     while len(points):
         last = result.harmonics[points, : few + 1]
@@ -167,7 +165,7 @@ def refine(period_map: PeriodMap, settling: Settling, harmonics: int, accuracy: 
             period_map, result, jacobian, points, finer, 0.1 * accuracy, harmonics, peaks=True, first_record=1
         )
         result.error[points] = _estimate(result, points, last, finer[points] / steps[points])
-        points = points[result.outcome[points] == SETTLED]
+        points = points[result.outcome[points] == Outcome.SETTLED]
         points = points[~(result.error[points] <= accuracy)]
         steps[points] = finer[points]
         wanted = steps[points] * (result.error[points] / (_AIMED_SHARE * accuracy)) ** (1 / ORDER)
@@ -214,11 +212,11 @@ def _repeat(
         # what is still to come of a geometric approach
         left = ~(last * np.maximum(share / (1 - share), 1.0) <= tolerance * size)
         bounded = norm(moved.state) <= largest[points]
-        result.outcome[points[~bounded]] = DIVERGED
+        result.outcome[points[~bounded]] = Outcome.DIVERGED
         points, steps = points[left & bounded], steps[left & bounded]
         if not len(points):
             return
-    result.outcome[points] = UNSETTLED
+    result.outcome[points] = Outcome.UNSETTLED
 
 
 def _solve(
@@ -276,7 +274,7 @@ def _solve(
             slope, there = slope[:, :, left], there[:, left]
         here = there
     result.y[:, active] = here
-    result.outcome[active] = UNSETTLED
+    result.outcome[active] = Outcome.UNSETTLED
 
 
 ACCURACY = Rule("Largest relative error of the fundamental.", at_least=1e-9, at_most=1e-2)
@@ -391,7 +389,7 @@ def _solve_batch(
         settling = settle(rough, y, from_rest=start is None, briefly=briefly)
         refined = refine(period_map, settling, harmonics, accuracy)
         # a fixed point of the coarse map that the finer ones do not have: look again with finer steps
-        lost = np.flatnonzero((settling.outcome == SETTLED) & (refined.outcome != SETTLED))
+        lost = np.flatnonzero((settling.outcome == Outcome.SETTLED) & (refined.outcome != Outcome.SETTLED))
         if len(lost):
             few = period_map.of(lost)
             if memory is not None:

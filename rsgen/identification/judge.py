@@ -34,7 +34,7 @@ from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
 from rsgen.data.oscillator import Model, refuse_across
 from rsgen.data.surface.plausibility import plausibility_findings
-from rsgen.data.surface.response_surface import NOT_MEASURED, ResponseSurface
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import law_of
@@ -349,7 +349,7 @@ class Findings:
         """Find points that were not fitted: unsettled ones, and outliers."""
         # the reading counts those that it excluded, and those without a number
         said = sum(int(f["excluded"]) for f in self.surface.findings if f.code == "points-excluded")
-        measured = self.surface.outcome != NOT_MEASURED
+        measured = self.surface.outcome != Outcome.NOT_MEASURED
         unsettled = int(np.count_nonzero(~self.surface.settled & measured)) - said
         numbers = quantities(excluded=unsettled, points=len(self.surface))
         found = [Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"})]

@@ -16,7 +16,7 @@ from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine, swept_sin
 from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.data.history.tracking import find_sweeps
 from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
@@ -237,8 +237,20 @@ def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
     (finding,) = (found for found in surface.findings if found.names.get("by") == "noise of the force")
     assert 9.7 < finding["low"] < 10 < finding["high"] < 10.3
     low, high = finding["low"], finding["high"]
-    assert not surface.settled[(surface.frequency >= low) & (surface.frequency <= high)].any()
+    inside = (surface.frequency >= low) & (surface.frequency <= high)
+    assert (surface.outcome[inside] == Outcome.FORCE_IN_NOISE).all()
     assert np.mean(surface.settled[np.abs(surface.frequency - 10) > 0.5]) > 0.95
+
+
+def test_a_point_that_is_not_used_says_why() -> None:
+    """A drop-out, or a free motion after a jump, is no sweep that passes too fast."""
+    clean = jumping(8e6, 2.0, SweepLaw("linear", 9.0, 0.04), 11.5)
+    silent = np.abs(np.arange(len(clean)) / clean.rate - 10) < 1
+    surface = from_swept_sine(TimeHistory(clean.rate, clean.force, np.where(silent, 0, clean.response)))
+    for outcome, reason in ((Outcome.DROPPED_OUT, "drop-out"), (Outcome.FREE_MOTION, "free motion")):
+        (finding,) = (found for found in surface.findings if found.names.get("by") == reason)
+        assert finding["excluded"] == np.count_nonzero(surface.outcome == outcome) > 0
+    assert surface.frequency[surface.outcome == Outcome.DROPPED_OUT] == pytest.approx(9.4, abs=0.05)
 
 
 def test_a_law_of_one_mode_is_rejected_with_another_mode_in_the_band() -> None:

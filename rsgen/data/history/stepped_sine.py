@@ -36,7 +36,7 @@ from rsgen.data.history.record import (
     check_response,
     name_levels,
 )
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 
 # ----------------------------------------------------------------------------
 # Least-squares fit of a sine and its harmonics, frequency refined (as IEEE 1057 does), block by block.
@@ -186,7 +186,7 @@ def from_stepped_sine(
         force=_same_width([s.force for s in steps]),
         harmonics=np.array([s.harmonics for s in steps]),
         sweep=np.concatenate(sweeps),
-        outcome=np.where([s.settled for s in steps], 0, 1),
+        outcome=np.where([s.settled for s in steps], Outcome.SETTLED, Outcome.UNSETTLED),
         residual=np.array([s.change for s in steps]),
         error=np.array([s.error for s in steps]),
         findings=tuple(findings),

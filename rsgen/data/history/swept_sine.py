@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,7 @@ from rsgen.data.history.tracking import (
     most_by_pace,
     sweep_by_sweep,
 )
-from rsgen.data.surface.response_surface import SWEPT_TOO_FAST, ResponseSurface
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 
 _WIDE_WINDOW = 1.5
 """Length of a second window over the first; the difference shows how far the first flattens a peak."""
@@ -250,41 +250,28 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     """Return the points of all sweeps as steady states: the force is corrected for the motion's change.
 
     A motion whose amplitude and frequency change needs another force than a steady one (``steady_force``),
-    which depends on the moving mass. Points at which that correction is too large are excluded.
+    which depends on the moving mass. A point that is excluded has its reason as its outcome.
     """
 
     def column(name: str) -> ComplexArray:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    force, flattened, unclear = column("force"), column("flattened").real, column("unclear").real
+    force, flattened = column("force"), column("flattened").real
     motion = Kinematics.joined([part.motion for part in parts])
     omega = 2 * pi * column("drive").real
-    loud = np.abs(force) > MIN_RELATIVE_FORCE * np.median(np.abs(force))
-    usable = loud & np.isfinite(flattened) & np.isfinite(motion.displacement)
-    driven = unclear < RELATIVE_ERROR_DOUBTFUL
-    good = usable & driven & (flattened < _MAX_FLATTENING)
-    findings = [finding for part in parts for finding in part.findings]
-    moving = (
-        _Mass(mass, "given", _MAX_CORRECTION)
-        if mass is not None
-        else _moving_mass(parts, force, motion, good)
-    )
-    steady = force
+    outcome = _by_windows(force, motion, flattened, column("unclear").real)
+    moving = _Mass(mass, "given", _MAX_CORRECTION) if mass is not None else None
+    moving = moving or _moving_mass(parts, force, motion, outcome == Outcome.SETTLED)
+    steady, corrected = force, tuple[Any, ...]()
     if moving is not None:
         steady, damping = steady_force(force, motion, moving.value, omega)
-        steady = np.where(usable, steady, force)
-        asked = np.abs(moving.value * flattened * motion.acceleration)
-        good &= asked < RELATIVE_ERROR_DOUBTFUL * np.maximum(np.abs(force), np.abs(steady))
-        correction = np.abs(steady - force) / np.maximum(np.abs(force), np.abs(steady))
-        free = good & (
-            correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
-        )
-        good &= ~free
-        findings += excluded_points(parts, free, "free motion")
-        findings += fast_sweeps(parts, steady, good, damping, *moving[:2], moving.difference)
-    else:
-        findings += fast_sweeps(parts, steady, good)
-    findings += excluded_points(parts, usable & ~driven, "noise of the force")
+        steady = np.where(outcome == Outcome.DROPPED_OUT, force, steady)
+        outcome = _by_correction(parts, steady, motion, moving, outcome)
+        corrected = damping, moving.value, moving.origin, moving.difference
+    findings = [finding for part in parts for finding in part.findings]
+    findings += fast_sweeps(parts, steady, outcome == Outcome.SETTLED, *corrected)
+    for reason, words in _EXCLUDED.items():
+        findings += excluded_points(parts, outcome == reason, words)
     count = [len(part) for part in parts]
     level = name_levels([(part.level, float(np.median(np.abs(part.force)))) for part in parts])
     return ResponseSurface(
@@ -293,11 +280,46 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
         force=steady,
         harmonics=column("harmonics"),
         sweep=np.repeat([part.direction for part in parts], count),
-        outcome=np.where(good, 0, SWEPT_TOO_FAST),
+        outcome=outcome,
         error=column("smoothed").real,
         findings=tuple(findings),
         overlapping=True,
     )
+
+
+_EXCLUDED = {
+    Outcome.DROPPED_OUT: "drop-out",
+    Outcome.FORCE_IN_NOISE: "noise of the force",
+    Outcome.FREE_MOTION: "free motion",
+}
+"""Outcomes of which a finding counts the points, by its word for them; of the others ``identify`` does."""
+
+
+def _by_windows(force: ComplexArray, motion: Kinematics, flattened: Array, unclear: Array) -> NDArray[Any]:
+    """Return the ``Outcome`` (n,) of points by what the windows hold, and by how two windows differ."""
+    loud = np.abs(force) > MIN_RELATIVE_FORCE * np.median(np.abs(force))
+    moves = np.isfinite(flattened) & np.isfinite(motion.displacement)
+    faults = {
+        Outcome.DROPPED_OUT: ~(loud & moves),
+        Outcome.FORCE_IN_NOISE: ~(unclear < RELATIVE_ERROR_DOUBTFUL),
+        Outcome.SWEPT_TOO_FAST: flattened >= _MAX_FLATTENING,
+    }
+    return np.select(list(faults.values()), list(faults), Outcome.SETTLED)
+
+
+def _by_correction(
+    parts: list[SweptPoints], steady: ComplexArray, motion: Kinematics, moving: _Mass, outcome: NDArray[Any]
+) -> NDArray[Any]:
+    """Return the ``Outcome`` (n,) of points by the correction of their force to ``steady`` (n,) [N], too."""
+    force, flattened = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("force", "flattened")
+    )
+    size = np.maximum(np.abs(force), np.abs(steady))
+    blurred = ~(np.abs(moving.value * flattened * motion.acceleration) < RELATIVE_ERROR_DOUBTFUL * size)
+    outcome = np.where((outcome == Outcome.SETTLED) & blurred, Outcome.SWEPT_TOO_FAST, outcome)
+    correction, good = np.abs(steady - force) / np.where(size > 0, size, 1.0), outcome == Outcome.SETTLED
+    free = correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
+    return np.where(good & free, Outcome.FREE_MOTION, outcome)
 
 
 def _moving_mass(

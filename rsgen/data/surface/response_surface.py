@@ -11,7 +11,8 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from enum import IntEnum
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,17 +94,27 @@ _CONTROLLED = {
 _LIMITS = {"not-recorded": "phase not measured", "per-unit-mass": "per unit mass"}
 """Limits of a test by finding, in the same line."""
 
-OUTCOMES = (
-    "settled: the response repeats with the period of the force",
-    "not settled: the response still changes after the longest transient allowed",
-    "not settled: the response repeats after two periods of the force, not after one",
-    "not settled: the response grows without bound",
-    "not settled: the sweep passes faster than the response follows",
-    "not measured: force or response is not a number",
-)
-"""Outcomes of a test point; the table stores the index."""
 
-SWEPT_TOO_FAST, NOT_MEASURED = 4, 5
+class Outcome(IntEnum):
+    """How a test point ended; the table stores the number, and sentences say the ``text``."""
+
+    text: str
+
+    def __new__(cls, number: int, text: str) -> Self:
+        """Make a number with a text."""
+        outcome = int.__new__(cls, number)
+        outcome._value_, outcome.text = number, text
+        return outcome
+
+    SETTLED = 0, "settled: the response repeats with the period of the force"
+    UNSETTLED = 1, "not settled: the response still changes after the longest transient allowed"
+    PERIOD_TWO = 2, "not settled: the response repeats after two periods of the force, not after one"
+    DIVERGED = 3, "not settled: the response grows without bound"
+    SWEPT_TOO_FAST = 4, "not settled: the sweep passes faster than the response follows"
+    NOT_MEASURED = 5, "not measured: force or response is not a number"
+    DROPPED_OUT = 6, "not measured: force or response drops out"
+    FORCE_IN_NOISE = 7, "not measured: the force does not stand out of its noise"
+    FREE_MOTION = 8, "not settled: the motion is mainly a free one, as after a jump or a fast passage"
 
 
 def _without_numbers(columns: Mapping[str, Any]) -> tuple[NDArray[np.int64], tuple[Finding, ...]]:
@@ -120,7 +131,7 @@ def _without_numbers(columns: Mapping[str, Any]) -> tuple[NDArray[np.int64], tup
             levels = listed([short(level) for level in sorted(set(columns["level"][rows].tolist()))])
             names = {"by": by, "levels": levels}
             found += (Finding("rows-left-out", "warning", numbers=numbers, names=names),)
-    return np.where(measured, 0, NOT_MEASURED), found
+    return np.where(measured, Outcome.SETTLED, Outcome.NOT_MEASURED), found
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
@@ -154,7 +165,7 @@ class ResponseSurface(Records):
         (n,) "rest", "up" or "down": how the point was reached. None: from the order of the frequencies within
         each level, "rest" where they are in no order.
     outcome
-        (n,) index into OUTCOMES; 0 is settled. Unsettled points are never used for identification.
+        (n,) an ``Outcome``; 0 is settled. Unsettled points are never used for identification.
         None: settled, but for rows whose force or response is not finite; these count as not measured. A
         finding says how many they are, and how many are exactly zero, which are not used either.
     residual, error
@@ -292,8 +303,8 @@ class ResponseSurface(Records):
     def _check_words(self) -> None:
         if not np.isin(self.sweep, SWEEPS).all():
             raise RsgenError(f"surface.sweep: must be one of {', '.join(SWEEPS)}")
-        if len(self) and not ((self.outcome >= 0) & (self.outcome < len(OUTCOMES))).all():
-            raise RsgenError(f"surface.outcome: must be 0 to {len(OUTCOMES) - 1}")
+        if len(self) and not ((self.outcome >= 0) & (self.outcome < len(Outcome))).all():
+            raise RsgenError(f"surface.outcome: must be 0 to {len(Outcome) - 1}")
         if self.control not in CONTROLS:
             raise RsgenError(f"surface.control: {self.control!r}; must be one of {', '.join(CONTROLS)}")
         if self.origin not in ("simulated", "measured"):
@@ -337,7 +348,7 @@ class ResponseSurface(Records):
     @property
     def settled(self) -> NDArray[np.bool_]:
         """(n,) True where the response repeats with the period of the force."""
-        return np.equal(self.outcome, 0)
+        return np.equal(self.outcome, Outcome.SETTLED)
 
     @property
     def extent(self) -> dict[str, Any]:
@@ -553,7 +564,7 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         file.attrs["schema"] = SURFACE_SCHEMA
         for name in ("origin", "phase_known", "control", "per_mass", "base", "overlapping"):
             file.attrs[name] = getattr(surface, name)
-        file.attrs["outcomes"] = list(OUTCOMES)
+        file.attrs["outcomes"] = [outcome.text for outcome in Outcome]
         if surface.sensors:
             file.attrs["sensors"] = ",".join(surface.sensors)
         values = {name: getattr(surface, name) for name in COLUMN_UNITS}

@@ -21,7 +21,7 @@ from rsgen.data.history.envelope import NOISE_OF_SLOPE
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
-from rsgen.data.surface.response_surface import OUTCOMES, ResponseSurface
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.law.motion import Motion, feeds_exciter
 
 Test = TypeVar("Test", ResponseSurface, MultisineSpectra)
@@ -202,9 +202,9 @@ def _at_rest(surface: ResponseSurface) -> float:
 def _why_unused(surface: ResponseSurface) -> str:
     """Return the reasons why points are not used, with counts, in words."""
     reasons = [
-        f"{count} {sentence}"
-        for kind, sentence in enumerate(OUTCOMES)
-        if kind and (count := int(np.count_nonzero(surface.outcome == kind)))
+        f"{count} {outcome.text}"
+        for outcome in Outcome
+        if outcome and (count := int(np.count_nonzero(surface.outcome == outcome)))
     ]
     still = int(np.count_nonzero(surface.settled & (surface.amplitude <= _at_rest(surface))))
     if still:
