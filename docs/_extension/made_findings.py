@@ -167,7 +167,7 @@ class Source:
         for name in sorted(names):
             value = getattr(loaded, name, None)
             if name.isupper() and isinstance(value, int | float) and not isinstance(value, bool):
-                yield Threshold(name.lstrip("_"), value, _reason(self.module, name))
+                yield Threshold(name, value, _reason(self.module, name))
 
 
 _LIMITS = ("max", "min", "severity_of", "maximum", "minimum", "hypot")

@@ -21,12 +21,9 @@ class Quantity(NamedTuple):
     unit: str = ""
 
 
-def quantities(**numbers: float | Quantity) -> dict[str, Quantity]:
-    """Name the numbers of a finding; bare ones are counts or ratios."""
-    return {
-        name: number if isinstance(number, Quantity) else Quantity(float(number))
-        for name, number in numbers.items()
-    }
+def quantities(unit: str = "", /, **numbers: float | Quantity) -> dict[str, Quantity]:
+    """Name the numbers of a finding, all in a unit; without one bare numbers are counts or ratios."""
+    return {k: n if isinstance(n, Quantity) else Quantity(float(n), unit) for k, n in numbers.items()}
 
 
 def severity_of(size: float, doubt: float, error: float) -> Severity:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 from typing import Any
 
+import numpy as np
 import scipy
 
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
@@ -119,6 +120,9 @@ MAX_SHARE_OF_OUTLIERS = 0.2
 """At most this share of the points is excluded; if more disagree, it is the law that does not fit.
 ``soundness`` rejects a result from three quarters of it on."""
 
+MIN_SHARE_PREDICTED = 0.8
+"""A law, or a motion, that predicts a smaller share of the points is not compared with others."""
+
 POINTS_PER_KNOT = 8
 """Between two knots of a free curve: they determine its values there, and noise does not show as waves."""
 
@@ -126,6 +130,9 @@ MISFIT_DOUBTFUL = 0.05
 """Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
 twentieth is more than most noise, joints and sensors leave of a law that is right. With a pattern the limit
 is ``MISFIT_DOUBTFUL_WITH_PATTERN``, without one ``MISFIT_DOUBTFUL_WITHOUT_PATTERN``."""
+
+MISFIT_EXPLAINED = 0.05
+"""Up to this misfit a reading, a start or a level explains its points, and no other explanation is tried."""
 
 MISFIT_DOUBTFUL_WITHOUT_PATTERN = RELATIVE_ERROR_DOUBTFUL
 """A misfit that is noise is in the intervals: it is doubtful as an error of a tenth is."""
@@ -222,6 +229,11 @@ def interval_sigmas(freedom: Any = inf) -> Any:
     1.960 2.776
     """
     return scipy.special.stdtrit(freedom, INTERVAL_END)
+
+
+def is_significant(value: Any, error: Any) -> Any:
+    """Return True where zero is outside the interval of a value with a standard error."""
+    return np.abs(value) > interval_sigmas() * error
 
 
 def f_tail(above: float, below: float, value: float) -> float:

@@ -195,14 +195,16 @@ class Records(ABC):
         named = self._named(asked)
         return match_level(self.levels, asked) if named is None else float(self.level[self.label == named][0])
 
-    def require_levels(self, asked: Iterable[float]) -> None:
-        """Raise an RsgenError for a level that was not tested."""
+    def require_levels(self, asked: Sequence[float]) -> None:
+        """Raise an RsgenError for levels held out of which one was not tested, or none remains."""
         for level in asked:
             if self.find_level(level) is None:
                 unit = self.level_unit
                 raise RsgenError(
                     f"hold_out: no level {level:g} {unit} in the test; it has {self.level_names} {unit}"
                 )
+        if asked and self.held_out(asked).all():
+            raise RsgenError("hold_out: holds every level back; at least one must remain")
 
     def held_out(self, asked: Iterable[float]) -> NDArray[np.bool_]:
         """Return (r,) True for the records of the levels that are asked for by their labels or amounts."""

@@ -20,7 +20,7 @@ from rsgen.files.column_titles import unit_doubts, unit_in
 from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
-from rsgen.files.signals import Channel
+from rsgen.files.signals import RADIANS, Channel
 from rsgen.files.text_columns import Columns, read_columns
 from rsgen.files.tree import StoredArray, star_pattern
 from rsgen.formula.units import quantity, sensor_unit
@@ -433,8 +433,8 @@ def _signal(table: Table, channel: Channel, factor: float, what: str) -> Complex
     else:
         magnitude = table.real(first)
         table.refuse(magnitude < 0, f"{what} amplitude is negative; 0 or more is needed")
-        radian = np.pi / 180 if channel.phase_unit == "deg" else 1.0
-        value = magnitude * np.exp(1j * radian * (table.real(second[0]) if second else 0.0))
+        phase = table.real(second[0]) if second else 0.0
+        value = magnitude * np.exp(1j * RADIANS[channel.phase_unit] * phase)
     value = np.conj(value) if channel.lags else value
     value = np.asarray(value * factor, dtype=np.complex128)
     table.refuse(~np.isfinite(value), f"{what} is too large after conversion to SI units")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path
-from rsgen.common.finding import Finding, Quantity
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
@@ -357,11 +357,7 @@ def _order_findings(surface: ResponseSurface, levels: Array, median: Array) -> l
     unit = surface.level_unit
     for i in range(len(levels) - 1):
         if median[i] > median[i + 1] * (1 + _MAX_LEVEL_SPREAD):
-            numbers = {
-                "low": Quantity(float(levels[i]), unit),
-                "high": Quantity(float(levels[i + 1]), unit),
-                "low_measured": Quantity(float(median[i]), unit),
-                "high_measured": Quantity(float(median[i + 1]), unit),
-            }
+            numbers = quantities(unit, low=levels[i], high=levels[i + 1])
+            numbers |= quantities(unit, low_measured=median[i], high_measured=median[i + 1])
             return [Finding("levels-swapped", "doubt", numbers=numbers)]
     return []

@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
+from math import pi
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -34,6 +35,8 @@ Column = Annotated[
         what="a column number from 1 (the first) to 10000, or a column name of 1 to 200 characters,",
     ),
 ]
+RADIANS = {"deg": pi / 180, "rad": 1.0}
+"""Units of a phase, in rad. Titles name them in ``column_titles`` and ``inspection/clues``."""
 Seconds = Annotated[float, Rule(unit="s")]
 Unit = Annotated[str, Rule(most=40)]
 Scale = Annotated[

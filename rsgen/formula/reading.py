@@ -188,7 +188,8 @@ FUNCTION_TABLE: dict[str, Function] = {
     "structural": _one("structural", Structural, _no_number),
 }
 """Another function needs its name in ``names.FUNCTIONS``, too, its class in ``bounds._ALLOWED``, in the table
-of ``printing`` and in ``_EVEN`` or ``_ODD`` of ``law/rewriting``; for compiled tests its names in
+of ``printing``, in ``functions`` of the LaTeX of ``law/notation`` and in ``_EVEN`` or ``_ODD`` of
+``law/rewriting``; for compiled tests its names in
 ``dynamics/kernel_source`` and ``dynamics/kernel``."""
 
 

@@ -47,7 +47,7 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
-from rsgen.identification.misfit import law_misses, relative_misfit
+from rsgen.identification.misfit import law_misses
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import (
@@ -64,8 +64,8 @@ from rsgen.law.element import LawLike
 # ----------------------------------------------------------------------------
 # All harmonics: by the balance, then by the simulator where only that has all of them.
 
-_ORDERS = (BALANCE_HARMONICS, 15, 23)
-"""Harmonics carried in the balance, raised until the last one no longer matters."""
+_HIGHEST_HARMONICS = (BALANCE_HARMONICS, 15, 23)
+"""Highest harmonic of the balance, raised until the last one no longer matters."""
 
 _FEW_HARMONICS = 5
 """Of motions near a sine under a smooth law: what they leave out follows from how they decay."""
@@ -113,11 +113,11 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
         return found
     # a law that feeds energy settles nowhere, and one that misses by far is not mended by exact corners
     feeds = observed.mode(found.background).feed_exciter
-    hidden = found.regression.noise > MISFIT_OF_NOISE and found.hidden_by_noise.any()
-    if not (feeds or hidden) and attained < relative_misfit(found) < MISFIT_REJECTED:
+    hidden = found.regression.sigma > MISFIT_OF_NOISE and found.hidden_by_noise.any()
+    if not (feeds or hidden) and attained < found.regression.rms_misfit < MISFIT_REJECTED:
         found = _refit_with_simulator(found)
         # a misfit between the simulator's own and noise: some points were not followed
-        if not law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.noise < MISFIT_OF_NOISE:
+        if not law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.sigma < MISFIT_OF_NOISE:
             found = _add_harmonics(found)
     return _descended(found)
 
@@ -145,25 +145,25 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     balance = partial(fit_balance, few, compared=BALANCE_HARMONICS, correct=few is problem)
     needs_simulator = law.rough or points.strong
     corners = needs_simulator or law.switched
-    for order in _ORDERS if corners or law.remembers else (_FEW_HARMONICS, *_ORDERS):
+    for order in _HIGHEST_HARMONICS if corners or law.remembers else (_FEW_HARMONICS, *_HIGHEST_HARMONICS):
         refined = balance(parameters, order=order)
         parameters = refined.regression.parameters
         if corners or _has_all_harmonics(refined, order, len(points)):
             break
-    if law.remembers and needs_simulator and refined.regression.noise > _ACCURACIES[0]:
+    if law.remembers and needs_simulator and refined.regression.sigma > _ACCURACIES[0]:
         # a memory takes the simulator hundreds of cycles to settle: more harmonics first
-        more = balance(parameters, order=_ORDERS[1])
+        more = balance(parameters, order=_HIGHEST_HARMONICS[1])
         share = len(few.observed.points) / len(points)
         needs_simulator = not _alike(refined.regression, more.regression, share)
         if not needs_simulator:
-            refined, order, parameters = more, _ORDERS[1], more.regression.parameters
-    noise = refined.regression.noise
+            refined, order, parameters = more, _HIGHEST_HARMONICS[1], more.regression.parameters
+    noise = refined.regression.sigma
     needs_simulator |= law.switched and noise < _ACCURACIES[0]
     needs_simulator &= noise > _ACCURACIES[-1]
     if few is problem:
         return refined, needs_simulator
     # what the simulator takes up needs no more than one step, and the fit of a law that misses by far creeps
-    misses = relative_misfit(refined) > MISFIT_REJECTED
+    misses = refined.regression.rms_misfit > MISFIT_REJECTED
     needs_simulator &= not misses
     steps = 1 if needs_simulator else NEAR_STEPS if misses else MAX_NEWTON_STEPS
     found = fit_balance(problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise)
@@ -180,9 +180,9 @@ def _has_all_harmonics(found: Fit, order: int, count: int) -> bool:
     last = float(np.max(higher[:, -2:], initial=0.0))
     if order == _FEW_HARMONICS:
         last *= last / max(float(np.max(higher[:, :2], initial=0.0)), HARMONIC_TRUNCATION)
-    enough = last < max(HARMONIC_TRUNCATION, 1e-3 * found.regression.noise / np.sqrt(count))
+    enough = last < max(HARMONIC_TRUNCATION, 1e-3 * found.regression.sigma / np.sqrt(count))
     # harmonics do not mend a law that misses by far, and its fits creep
-    return enough or relative_misfit(found) > MISFIT_REJECTED
+    return enough or found.regression.rms_misfit > MISFIT_REJECTED
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:
@@ -211,8 +211,8 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
         # nor would it follow enough of all points
         return balanced
     near = replace(balanced.regression, parameters=quick.regression.parameters)
-    start = replace(balanced, regression=replace(near, noise=quick.regression.noise))
-    if quick.regression.noise < _RESOLVED * accuracy:
+    start = replace(balanced, regression=replace(near, sigma=quick.regression.sigma))
+    if quick.regression.sigma < _RESOLVED * accuracy:
         accuracy = _ACCURACIES[1]
     whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
@@ -234,9 +234,9 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
 def _add_harmonics(followed: Fit) -> Fit:
     """Try more harmonics where the simulator is not asked, or did not follow every branch of exact data."""
     balanced = followed
-    for order in _ORDERS[1:]:
+    for order in _HIGHEST_HARMONICS[1:]:
         balanced = fit_balance(followed.problem, balanced.regression.parameters, order=order)
-    return min(followed, balanced, key=lambda found: found.regression.noise)
+    return min(followed, balanced, key=lambda found: found.regression.sigma)
 
 
 # what a trial makes infinite or undefined has no prediction there, and is dealt with as such

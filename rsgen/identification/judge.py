@@ -55,7 +55,6 @@ from rsgen.identification.misfit import (
     explain_hidden,
     mirror_findings,
     misfit_findings,
-    relative_misfit,
     stop_findings,
     symmetric_shift,
     unseen_findings,
@@ -168,7 +167,7 @@ class PointErrors(Errors):
 
 def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Points) -> PointErrors:
     """Return the errors of a fit; ``surface`` and ``points`` are those of the test without background."""
-    count, noise = test.problem.count, relative_misfit(refined)
+    count, noise = test.problem.count, refined.regression.rms_misfit
     with_background, of_repeats = refined.regression, list[Finding]()
     if test.repeats is not None:
         with_background = test.repeats.widen(with_background, test.points.index)
@@ -189,8 +188,8 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     symmetric = symmetric_shift(refined) if backgrounds else np.zeros(count)
     of_law = widen_squares(refined, agreement.widen(regression), symmetric).covariance
     kinds = alternatives_to(refined, agreement, backgrounds=backgrounds)
-    names = (*test.problem.law.parameters, "m")
-    regression, others, ambiguous = Alternatives.widen(regression, names, kinds, relative_misfit(refined))
+    names, misfit = (*test.problem.law.parameters, "m"), refined.regression.rms_misfit
+    regression, others, ambiguous = Alternatives.widen(regression, names, kinds, misfit)
     return PointErrors(
         regression=widen_squares(refined, regression, symmetric),
         of_law=of_law,
@@ -306,7 +305,7 @@ class Findings:
         if self.estimates and not any(estimate.identifiable for estimate in self.estimates):
             found.append(Finding("nothing-identifiable", "doubt"))
         kept = self.points.select(fit.regression.used)
-        found += resonance_findings(kept, self.model.fixed, law, self.estimates, relative_misfit(fit))
+        found += resonance_findings(kept, self.model.fixed, law, self.estimates, fit.regression.rms_misfit)
         found += feeding_findings(self.points, fit, self.stated.of_law)
         sure = {e.name: e.standard_error for e in self.stated.of_law if e.identifiable}
         error = np.array([sure.get(name, nan) for name in law.parameters])
@@ -319,7 +318,7 @@ class Findings:
         of_parameters = [e.finding for e in self.estimates if e.finding is not None]
         calibrated, wider = self.model.observation.calibrated, self.errors.agreement.wider
         found = list(of_parameters)
-        found += of_one_mode(self.surface.findings, self.points, relative_misfit(self.fit))
+        found += of_one_mode(self.surface.findings, self.points, self.fit.regression.rms_misfit)
         found += self.surface.limits
         misread = any(f.code == "base-misread" for f in self.surface.findings)
         if self.fit.problem.observed.mode(self.fit.background).feed_exciter and not misread:
@@ -438,14 +437,14 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         resonances=resonances,
         curve=curve,
         restoring=later(lambda: _without_law(kept, predicted, curve, mass)),
-        residual=relative_misfit(refined),
+        residual=refined.regression.rms_misfit,
         noise=errors.noise,
         levels=force_levels(surface, points, resonances),
         amplitude_range=(float(kept.amplitude.min()), float(kept.amplitude.max())),
         frequency_range=(float(kept.omega.min() / 2 / np.pi), float(kept.omega.max() / 2 / np.pi)),
         outcome=outcome_of(
             stated.refined,
-            relative_misfit(refined),
+            refined.regression.rms_misfit,
             used=int(used.sum()),
             points=len(surface),
             levels=len(np.unique(points.level)),

@@ -25,6 +25,7 @@ from rsgen.common.tolerances import (
     MISFIT_DOUBTFUL,
     MISFIT_DOUBTFUL_WITH_PATTERN,
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
+    MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     RELATIVE_CHANGE_NEGLIGIBLE,
@@ -54,6 +55,7 @@ from rsgen.identification.terms import (
     fit_near,
     force_factors_leave,
     free_curves_leave,
+    gain_of,
     law_with,
     share_left_by,
     simplest_background,
@@ -73,14 +75,9 @@ _GAIN_WORTH_A_FIT = 0.1
 50 times as much."""
 
 
-def relative_misfit(fit: Fit) -> float:
-    """Return the root mean square misfit of real and imaginary part together, as in the result."""
-    return float(fit.regression.noise * np.sqrt(2))
-
-
 def law_misses(fit: Fit) -> bool:
     """Return True if a misfit is systematic and above a hundredth, so that intervals are too narrow."""
-    return fit.systematic and relative_misfit(fit) > MISFIT_DOUBTFUL_WITH_PATTERN
+    return fit.systematic and fit.regression.rms_misfit > MISFIT_DOUBTFUL_WITH_PATTERN
 
 
 def misfit_findings(
@@ -104,7 +101,7 @@ def misfit_findings(
     """
     if not fit.systematic:
         return _noise_findings(surface, points, fit)
-    misfit = relative_misfit(fit)
+    misfit = fit.regression.rms_misfit
     size = _of_systematic_columns(fit) if surface.decays else misfit
     # above a hundredth intervals are too narrow, of a joint from its noise on
     severity = severity_of(
@@ -120,7 +117,7 @@ def misfit_findings(
         # gains of the levels are no other law: they are as doubtful as the misfit is large
         severity = severity if "levels" in names or rejected else "doubt"
     known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
-    most = min(left_by_term, MISFIT_DOUBTFUL) if rejected else left_by_term
+    most = min(left_by_term, MISFIT_EXPLAINED) if rejected else left_by_term
     if known and not surface.decays and (fixed := _contradicted(fit, most)):
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
@@ -152,7 +149,7 @@ def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[
     """Find a misfit without a pattern that is large; and fixed values, which errors of few points hide."""
     # one point a level shows no pattern either, and a loop holds each until its noise is gone
     patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
-    misfit = relative_misfit(fit)
+    misfit = fit.regression.rms_misfit
     # the forces of a free decay are those of the given mass
     found = [] if surface.decays else _contradicted(fit, misfit)
     if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL):
@@ -171,10 +168,10 @@ def _cause(
     left_by_term, left_by_cause, names
         The misfit that the best term leaves, and the best cause; its names, none if it takes up too little.
     """
-    misfit, terms, problem = relative_misfit(fit), others.kinds["term"], fit.problem
+    misfit, terms, problem = fit.regression.rms_misfit, others.kinds["term"], fit.problem
     # to first order large terms are misjudged, such as the linear damper of a law without one; to the
     # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open
-    linear = fit_missing_terms(fit, max(fit.regression.noise, 1e-300), ("x", "v"))
+    linear = fit_missing_terms(fit, max(fit.regression.sigma, 1e-300), ("x", "v"))
     tried = [name for name, one in linear.items() if np.isfinite(one.error)]
     most = max(one.gain for one in terms.values())
     tried += [name for name, one in terms.items() if one.gain >= _GAIN_WORTH_A_FIT * most]
@@ -209,7 +206,7 @@ def _of_systematic_columns(fit: Fit) -> float:
     found = fit.regression
     chosen = systematic_columns(found.residual, fit.problem.observed.points.pairs(found.used))
     power = np.sum(found.residual[found.used] ** 2, axis=0)
-    return relative_misfit(fit) * float(np.sqrt(np.sum(power[chosen]) / np.sum(power)))
+    return fit.regression.rms_misfit * float(np.sqrt(np.sum(power[chosen]) / np.sum(power)))
 
 
 def _level_apart(points: Points, regression: Regression, unit: str) -> list[Finding]:
@@ -224,7 +221,7 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     level, size = float(levels[worst]), float(sizes[worst])
     pairs = points.pairs(regression.used & (points.level == level))
     if not (
-        size > max(MISFIT_DOUBTFUL, DEVIATING_MISFIT_RATIO * typical)
+        size > max(MISFIT_EXPLAINED, DEVIATING_MISFIT_RATIO * typical)
         and is_systematic(regression.residual, pairs)
     ):
         return []
@@ -263,15 +260,18 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
     left
         The misfit that the best term would leave.
     """
-    if not (fit.problem.fixed and relative_misfit(fit) > MISFIT_NEGLIGIBLE):
+    if not (fit.problem.fixed and fit.regression.rms_misfit > MISFIT_NEGLIGIBLE):
         return []
     problem, names = _few_points(fit), (*fit.problem.law.parameters, "m")
     start = fit.regression.parameters
-    size, whole = relative_misfit(fit), relative_misfit(fit_near(problem, start, order=START_HARMONICS))
+    size, whole = (
+        fit.regression.rms_misfit,
+        fit_near(problem, start, order=START_HARMONICS).regression.rms_misfit,
+    )
     found = []
     for name, given in problem.fixed.items():
         free = _freed(problem, start, name).regression
-        place, best = names.index(name), float(free.noise * np.sqrt(2))
+        place, best = names.index(name), free.rms_misfit
         leaves = size * best / whole if whole > 0 else np.inf
         # with noise the gain counts in units of that noise
         gain = ((whole / best) ** 2 - 1) * free.freedom if best > 0 else np.inf
@@ -327,7 +327,7 @@ def background_findings(
 
 def misfit_left_by(fit: Fit, other: Alternative, wider: Array) -> float:
     """Relative misfit that an alternative leaves."""
-    return relative_misfit(fit) * float(
+    return fit.regression.rms_misfit * float(
         np.sqrt(max(1 - other.gain * np.median(wider) ** 2 / fit.regression.freedom, 0.0))
     )
 
@@ -368,9 +368,9 @@ def even_findings(fit: Fit) -> list[Finding]:
         return []
     few = problem.select(chosen)
     trials = {term: _with_even(few, fit, term) for term in _POWERS}
-    term = min(trials, key=lambda term: trials[term][1].regression.noise)
+    term = min(trials, key=lambda term: trials[term][1].regression.sigma)
     place, best, without = trials[term]
-    noise = max(best.regression.noise, 1e-300)
+    noise = max(best.regression.sigma, 1e-300)
     gain = float(np.sum(without.residual**2) - np.sum(best.regression.residual**2)) / noise**2
     if not gain - _gain_of_offset(few, without) / noise**2 > MIN_SIGNIFICANT_GAIN:
         return []
@@ -511,9 +511,7 @@ def symmetric_shift(fit: Fit) -> Array:
     start[: len(none)] = hidden.centre[: len(none)]
     frozen = tuple({*problem.law.even, *hidden.uneven} - {-1})
     other = fit_near(replace(problem, frozen=frozen), start, order=max(few.order, START_HARMONICS))
-    cost, least = (float(np.sum(found.residual**2)) for found in (other.regression, few.regression))
-    worse = (cost - least) / max(few.regression.noise, 1e-300) ** 2
-    if not (other.regression.used.all() and worse < interval_sigmas() ** 2):
+    if gain_of(other, few) is None:
         return none
     return other.regression.parameters[: len(none)] - few.regression.parameters[: len(none)]
 

@@ -27,7 +27,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.solvers import b_splines
 from rsgen.common.text_table import MAX_DIGITS, Brief, Printed, TextTable, data_frame, short
-from rsgen.common.tolerances import MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
+from rsgen.common.tolerances import MISFIT_EXPLAINED, RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units import ForceUnits
@@ -214,6 +214,17 @@ MODAL_COLUMNS = {
 """Columns of a modal table after the amplitude [m], with their units."""
 
 
+def known_columns(kilogram: float, *, calibrated: bool, mass: bool = True) -> tuple[str, ...]:
+    """Return the columns that a test determines, by its unit of a mass, NaN where forces are per mass.
+
+    Without a mass, at phase resonance alone, they are the frequency, the stiffness per mass, and the damping
+    of calibrated forces.
+    """
+    forces = () if calibrated and (isfinite(kilogram) or not mass) else ("stiffness", "damping")
+    known = MODAL_COLUMNS if mass else ("frequency", "damping", "stiffness_per_mass")
+    return tuple(name for name in known if name not in forces)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ModalTest:
     """The test of a modal table, as predictions need it.
@@ -395,7 +406,7 @@ def table_amplitudes(tested: tuple[float, float]) -> Array:
 
 def scattered(misfit: float) -> tuple[Finding, ...]:
     """Find a misfit that no describing function explains; none or one."""
-    if misfit <= MISFIT_DOUBTFUL:
+    if misfit <= MISFIT_EXPLAINED:
         return ()
     return (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
 

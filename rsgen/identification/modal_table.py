@@ -62,12 +62,12 @@ from rsgen.identification.fitting.points import (
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.identification.modal_result import (
     MIN_LIKELIHOOD,
-    MODAL_COLUMNS,
     ModalSplines,
     ModalTable,
     ModalTest,
     SplineBasis,
     SplineMode,
+    known_columns,
     scattered,
     table_amplitudes,
 )
@@ -92,7 +92,7 @@ _FIRST_SHAPE = 6
 _MIN_FREQUENCY_RATIO = 1.15
 """Highest over lowest frequency from which on the order of the damping shows."""
 
-_ORDERS: tuple[tuple[int, ...], ...] = ((1,), (0,), (2,), (0, 1), (1, 2), (0, 1, 2))
+_DAMPING_POWERS: tuple[tuple[int, ...], ...] = ((1,), (0,), (2,), (0, 1), (1, 2), (0, 1, 2))
 """Orders of the damping that are tried: those of dampers, joints and drag, and their sums."""
 
 _CURVED_DEGREE = 2
@@ -221,7 +221,7 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     allowed = [s for s in _SHAPES if not s[0] or sum(s) <= most]
     shapes = [(*shape, power) for shape in allowed for power in _POWERS]
     wide = float(mode.omega.max() / mode.omega.min()) > _MIN_FREQUENCY_RATIO
-    trials = _ORDERS if wide else _ORDERS[:1]
+    trials = _DAMPING_POWERS if wide else _DAMPING_POWERS[:1]
     some = seen.select(mode.spread(COMPARISON_POINTS))
 
     def trial(part: ModePoints, shape: tuple[int, int, int], orders: tuple[int, ...]) -> ModeProblem:
@@ -249,7 +249,7 @@ def _weighted_price(trial: ModeProblem) -> float:
     """Return the corrected AIC of a trial fitted with noise on both sides."""
     found = _fit_values(trial)
     used = int(np.count_nonzero(trial.free))
-    return trial.price(found.noise**2 * found.freedom / (found.freedom + used), used)
+    return trial.price(found.sigma**2 * found.freedom / (found.freedom + used), used)
 
 
 def _likely(priced: list[tuple[float, ModeProblem]]) -> list[tuple[float, ModeProblem]]:
@@ -305,7 +305,7 @@ def _fit_values(modal: ModeProblem) -> Regression:
     start = np.concatenate([modal.solve()[0], modal.seen.background])
     rules = Rules(free=modal.free, record=mode.record)
     found = fit(descent.linearise, start, nuisance, rules, neighbours=mode.neighbours)
-    if found.noise > MISFIT_OF_NOISE:
+    if found.sigma > MISFIT_OF_NOISE:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.predict_sensor(response, modal.split(found.parameters)[2]))
         place = found.parameters, found.nuisance, rules
@@ -399,7 +399,7 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
         background = found.background
         whole = found.regression
         error = Agreement.of(whole, points, whole.covariance, misfits=True).widen(whole).covariance
-        first = found.mass, float(np.sqrt(error[len(found.values), len(found.values)])), whole.noise
+        first = found.mass, float(np.sqrt(error[len(found.values), len(found.values)])), whole.sigma
         receptance = observed.background.receptance(background)
         mode = observed.background.subtract(with_phase(points, found, receptance), background)
     stiffness = mode.force / mode.harmonics[:, 1]
@@ -434,7 +434,7 @@ def _mass_hidden(modal: ModeProblem, found: Regression) -> bool:
     place = modal.coefficients
     mass, error = float(found.parameters[place]), float(np.sqrt(found.covariance[place, place]))
     hidden = bool(modal.free[place]) and _is_wide(mass, error, found.freedom)
-    return hidden and not at_resonance_alone(modal.seen.mode, _misfit(found))
+    return hidden and not at_resonance_alone(modal.seen.mode, found.rms_misfit)
 
 
 def _is_wide(mass: float, error: float, freedom: int) -> bool:
@@ -451,7 +451,7 @@ def _with_first_mass(seen: ModePoints) -> tuple[ModeProblem, Regression]:
     mass, error, misfit = seen.first
     modal = choose_splines(seen, mass)
     found = fit_splines(modal)
-    error *= max(misfit / found.noise, 1.0)
+    error *= max(misfit / found.sigma, 1.0)
     moved = _fit_values(replace(modal, mass=mass + error)).parameters - found.parameters
     covariance = found.covariance + np.outer(moved, moved)
     return replace(modal, mass_error=error), replace(found, covariance=covariance)
@@ -461,15 +461,10 @@ def _mass_known(modal: ModeProblem, found: Regression) -> bool:
     """Return True if the mass is given, or positive and precise enough."""
     _, mass, _ = modal.split(found.parameters)
     place = modal.coefficients
-    if modal.free[place] and at_resonance_alone(modal.seen.mode, _misfit(found)):
+    if modal.free[place] and at_resonance_alone(modal.seen.mode, found.rms_misfit):
         # only the simplicity of the splines would determine it
         return False
     return mass_sure(mass, float(found.covariance[place, place]))
-
-
-def _misfit(found: Regression) -> float:
-    """Return the relative misfit of real and imaginary part together [1]."""
-    return float(found.noise * np.sqrt(2))
 
 
 def _at_phase_resonance(seen: ModePoints, lag_error: float) -> tuple[ModeProblem, Regression]:
@@ -556,13 +551,11 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     together = np.zeros(modal.count)
     together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
     together *= (modal.free[modal.coefficients] or modal.mass_error > 0) * _harmonics_error(
-        modal.observed.points, found.noise
+        modal.observed.points, found.sigma
     )
     covariance = found.covariance[: modal.count, : modal.count] + np.outer(together, together)
-    known = tuple(MODAL_COLUMNS)
     findings: tuple[Finding, ...] = ()
     if modal.assumed:
-        known = ("frequency", "damping", "stiffness_per_mass")
         numbers = quantities(points=len(modal.seen.mode))
         findings = (Finding("mass-at-resonance", "warning", "m", numbers),)
     elif modal.mass_error:
@@ -570,19 +563,16 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         numbers = {"value": Quantity(mass, "kg"), "standard_error": Quantity(modal.mass_error, "kg")}
         names = {"with": "the background"}
         findings = (Finding("confounded", "doubt" if wide else "warning", "m", numbers, names),)
-    if not modal.assumed and not (np.isfinite(surface.units.kilogram) and model.observation.calibrated):
-        known = tuple(name for name in known if name not in ("stiffness", "damping"))
-    if modal.assumed and not model.observation.calibrated:
-        known = ("frequency", "stiffness_per_mass")
-    misfit = _misfit(found)
+    calibrated, kilogram = model.observation.calibrated, surface.units.kilogram
+    known = known_columns(kilogram, calibrated=calibrated, mass=not modal.assumed)
+    misfit = found.rms_misfit
     test = _modal_test(modal, found, surface, model)
     findings += () if test.background is None else test.background.findings
     findings += scattered(misfit)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
-    unknown = modal.assumed or not model.observation.calibrated
-    kilogram = float("nan") if unknown else surface.units.kilogram
+    kilogram = kilogram if calibrated and not modal.assumed else nan
     splines = ModalSplines(
         modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
     )

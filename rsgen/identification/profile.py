@@ -45,7 +45,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression, Rules, descend
-from rsgen.identification.fitting.points import per_unit_mass
+from rsgen.identification.fitting.points import FORCE, OTHERS, per_unit_mass
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification
 from rsgen.identification.terms import fit_near
 from rsgen.law.motion import harmonics_of
@@ -148,9 +148,9 @@ class _Likelihood:
         base = refit_weighted(self._near, problem, near.parameters, near.nuisance, order=self._order)
         self._problem, self.regression = problem, found.regression
         self._orders = sorted({1, *problem.observed.recorded} - {0})
-        self._begin(problem.law, base.parameters, base.nuisance, _cost(base.residual), base.noise)
+        self._begin(problem.law, base.parameters, base.nuisance, _cost(base.residual), base.sigma)
         self._error = np.sqrt(np.diag(found.regression.covariance))
-        self.resolved = self._noise < NOISE_RATIO_BY_CHANCE * found.regression.noise
+        self.resolved = self._noise < NOISE_RATIO_BY_CHANCE * found.regression.sigma
 
     def _begin(self, law: ForceLaw, best: Array, nuisance: Array, cost: float, noise: float) -> None:
         """Keep the best fit, its sum of squares, and the noise in whose units the deviance is."""
@@ -231,7 +231,7 @@ class _Likelihood:
         law, motion, points = self.law, self._near.motion, self._problem.observed.points
         values, mass, samples = *self._problem.split(parameters)[:2], times * SAMPLES_PER_PERIOD
         inertia = (np.square(self._orders) - 1) * mass * points.omega[:, None] ** 2
-        force, size = np.abs(points.force) * points.noise[:, 0], points.amplitude * points.noise[:, 2]
+        force, size = points.noise[:, [FORCE, OTHERS]].T * (np.abs(points.force), points.amplitude)
         scale = np.hypot(force[:, None], inertia * size[:, None])
         found = np.empty((len(points), len(self._orders), len(law.linear) + 1), dtype=complex)
         for part in blocks(len(points), POINTS_PER_BLOCK // times):
@@ -263,9 +263,11 @@ class _Likelihood:
     def end(self, place: int, step: float, target: float, stop: float) -> tuple[float, float]:
         """Find where the root reaches a target, by first steps of a size; infinite where it does not.
 
-        ``stop`` is a value not to be passed; an interval that reaches it has no end there.
-        The second number is the value up to which the balance has the motions that were measured, infinite
-        where it keeps them.
+        The target is the quantile times the stated error over the own one (``_target``), so that a root is
+        significant beyond target times the noise. ``stop`` is a value not to be passed; an interval that
+        reaches it has no end there. The second number is the value up to which the balance has the motions
+        that were measured: infinite where it keeps them, the best value where linear parameters make up for
+        another one (``distinguishes``).
         """
         side = float(np.sign(step))
         nowhere = side * inf
@@ -326,7 +328,7 @@ class _LineLikelihood(_Likelihood):
         self._found = found
         place = found.parameters, found.nuisance
         best, nuisance, line, _ = descend(found.linearise, *place, Rules(free=found.free))
-        self._begin(found.law, best, nuisance, _cost(line.residual), self.regression.noise)
+        self._begin(found.law, best, nuisance, _cost(line.residual), self.regression.sigma)
         self._error = np.sqrt(np.diag(self.regression.covariance))
         self.resolved = not found.lines.spectra.exact.all()
 
@@ -374,7 +376,7 @@ def _cost(residual: Array) -> float:
 def _target(regression: Regression, place: int, estimate: Estimate) -> float:
     """Return the root at which an interval ends: the quantile, by the ratio of both errors."""
     # of independent errors of one size, as the sum of squares takes them
-    own = regression.noise * float(np.linalg.norm(regression.basis[place]))
+    own = regression.sigma * float(np.linalg.norm(regression.basis[place]))
     return float(interval_sigmas(regression.freedom)) * estimate.standard_error / own
 
 
@@ -422,7 +424,7 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     law misses is no noise, and its sum of squares no likelihood; nor is one that has no least value.
     """
     law, regression = found.problem.law, found.regression
-    noise = regression.converged and regression.noise > MISFIT_OF_NOISE
+    noise = regression.converged and regression.sigma > MISFIT_OF_NOISE
     if not (law.nonlinear and noise) or found.systematic:
         return tuple(estimates)
     # a balance is no data on how wide a bend is that it does not resolve, where nothing else tells

@@ -181,7 +181,7 @@ def fit_resonances(
         known_values = np.isfinite(np.diag(covariance)[:-1]) & (not law.acts_across)
         values = np.where(known_values, found.values, np.nan)
         freedom = max(2 * int(good.sum()) - len(law.parameters), 1)
-        return Solution(values, mass, covariance, freedom, found.misfit)
+        return Solution(values, mass, covariance, freedom, found.sigma)
 
     return fitted, resonances
 

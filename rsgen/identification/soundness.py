@@ -276,7 +276,7 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     sign of the others. Standard errors are multiplied by ``wider`` (q,).
     """
     regression, problem = fit.regression, fit.problem
-    basis = regression.basis * regression.noise * wider[:, None]
+    basis = regression.basis * regression.sigma * wider[:, None]
     found = []
     if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.linalg.norm(basis[len(problem.law.parameters)])):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))

@@ -30,7 +30,7 @@ from rsgen.common.tolerances import (
     POINTS_PER_KNOT,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
-    interval_sigmas,
+    is_significant,
 )
 from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
@@ -126,7 +126,7 @@ def share_left_by(fit: Fit, term: str) -> float:
     if mirrored:
         trials[1] = start_fit(replace(few, observed=few.observed.mirrored(), frozen=()))
     order = START_HARMONICS if mirrored else 1
-    whole, left = (fit_near(*trial, order=order).regression.noise for trial in trials)
+    whole, left = (fit_near(*trial, order=order).regression.sigma for trial in trials)
     return left / whole if whole > 0 and np.isfinite(left) else np.inf
 
 
@@ -203,7 +203,7 @@ def alternatives_to(
     backgrounds
         True to include backgrounds.
     """
-    noise = max(fit.regression.noise * agreement.typical, 1e-300)
+    noise = max(fit.regression.sigma * agreement.typical, 1e-300)
     more = fit_larger_backgrounds(fit, noise) if backgrounds else {}
     kinds = {"term": fit_missing_terms(fit, noise), "background": more, "halves": agreement.halves}
     offset = _fit_offset(fit, noise) if fit.systematic else None
@@ -362,6 +362,17 @@ def even_force_shift(fit: Fit) -> tuple[float, Array]:
     return float(parameters[place]), np.delete(moved, place)
 
 
+def gain_of(other: Fit, own: Fit) -> float | None:
+    """Return by how much another fit lowers the sum of squares, in units of the noise.
+
+    None if it predicts not all points, or is worse beyond chance.
+    """
+    cost, least = (float(np.sum(fit.regression.residual**2)) for fit in (other, own))
+    gain = (least - cost) / max(own.regression.sigma, 1e-300) ** 2
+    good = other.regression.used.all() and not is_significant(max(-gain, 0.0) ** 0.5, 1.0)
+    return gain if good else None
+
+
 def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     """Return if a stop on "one" side or on "both" fits as well as that of the law, and its stiffness.
 
@@ -401,13 +412,11 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     trial = replace(problem, elements=elements, law=law_of(elements), frozen=())
     start = trial.join(values * sizes, mass, background)
     found = fit_balance(trial, start, order=max(few.order, START_HARMONICS), exclude=False, correct=False)
-    cost, least = (float(np.sum(one.regression.residual**2)) for one in (found, few))
-    worse = (cost - least) / max(few.regression.noise, 1e-300) ** 2
-    if not (found.regression.used.all() and worse < interval_sigmas() ** 2):
+    if (gain := gain_of(found, few)) is None:
         return None
     return (
         "one" if law.odd else "both",
         law.parameters[stiff[0]],
         float(found.values[stiff[0]]),
-        worse < -MIN_SIGNIFICANT_GAIN,
+        gain > MIN_SIGNIFICANT_GAIN,
     )

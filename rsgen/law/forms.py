@@ -51,6 +51,7 @@ class Key(NamedTuple):
 
 ALWAYS = Key()
 Form = dict[Key, sympy.Expr]
+"""A sum of terms by where they act: the coefficient of each ``Key``; an empty one is zero."""
 
 
 def moves(expression: sympy.Basic) -> bool:

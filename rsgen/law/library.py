@@ -68,7 +68,21 @@ NAYFEH = "Nayfeh and Mook, Nonlinear Oscillations (1979)"
 
 
 class Row(NamedTuple):
-    """A law as the library keeps it: title, formula, source, parameters with units, and how it is ranked."""
+    """A law as the library keeps it.
+
+    Parameters
+    ----------
+    title, formula, source
+        Its name in words, its force, and where it is from.
+    parameters
+        Name, meaning and unit of each; where 1 shows little, the example value of pictures.
+    search
+        How rankings try it; None: not at all.
+    own
+        True if its describing function is in no source, but a derivation of rsgen.
+    memory
+        g(x, v, z) of z' = g for each state z in the formula.
+    """
 
     title: str
     formula: str

@@ -393,6 +393,7 @@ def _extreme(extreme: sympy.Max | sympy.Min) -> Form:
 
 
 def _piecewise(law: sympy.Piecewise) -> Form:
+    """Return the sum of the branches, each where its condition holds and none before it does."""
     remaining, total = constant(1), dict[Key, sympy.Expr]()
     for branch, condition in law.args:
         case = multiply(remaining, _condition(condition))
@@ -406,6 +407,7 @@ def _piecewise(law: sympy.Piecewise) -> Form:
 
 
 def _condition(condition: sympy.Basic) -> Form:
+    """Return 1 where a condition holds, else 0; equality, which holds at single moments, is false."""
     if isinstance(condition, BooleanTrue | sympy.Ne):
         return constant(1)
     if isinstance(condition, BooleanFalse | sympy.Eq):

@@ -19,9 +19,9 @@ from markupsafe import Markup, escape
 
 import rsgen
 from rsgen.analysis.comparison import Comparison, verdict_of
-from rsgen.common.finding import STATES, Finding, Quantity, steps_once
+from rsgen.common.finding import STATES, Finding, Quantity, quantities, steps_once
 from rsgen.common.output import write_atomic
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, interval_sigmas
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, is_significant
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.describing.derivation import derive
@@ -260,8 +260,9 @@ def _sides(element: Element, identification: Identification, values: dict[str, f
     slopes = {name: slope.sum() for name, slope in zip(law.parameters, still.by_parameter, strict=True)}
     change = np.array([slopes.get(one.name, 0.0) for one in identification.refined])
     error = np.sqrt(change @ identification.covariance @ change)
+    difference = abs(still.force.sum())
     # more than a thousandth of the force, too: round-off has no error
-    if not abs(still.force.sum()) > max(interval_sigmas() * error, 1e-3 * np.abs(still.force).max()):
+    if not (is_significant(difference, error) and difference > 1e-3 * np.abs(still.force).max()):
         return {}
     pull, push = (Quantity(float(force), identification.curve.units.of("N")) for force in still.force)
     return {"pull": pull, "push": push, "largest": Quantity(largest, "m")}
@@ -275,15 +276,9 @@ def resonance_course(identification: Identification) -> list[Finding]:
     found = backbone(identification, solution_of(identification), ends)
     if not np.isfinite([found.omega, found.damping_ratio]).all():
         return []
-    numbers = {
-        f"{name}_{end}": Quantity(float(value), unit)
-        for name, unit, both in (
-            ("amplitude", "m", ends),
-            ("frequency", "Hz", found.frequency),
-            ("ratio", "", found.damping_ratio),
-        )
-        for end, value in zip(("first", "last"), both, strict=True)
-    }
+    numbers = quantities("m", amplitude_first=ends[0], amplitude_last=ends[1])
+    numbers |= quantities("Hz", frequency_first=found.frequency[0], frequency_last=found.frequency[1])
+    numbers |= quantities(ratio_first=found.damping_ratio[0], ratio_last=found.damping_ratio[1])
     return [Finding("resonance-course", "info", numbers=numbers)]
 
 

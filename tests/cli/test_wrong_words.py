@@ -97,6 +97,7 @@ def test_a_link_out_of_the_folder_is_called_a_link(laboratory, run_cli):
     ({"test.level": {"column": "F", "unit": "mm"}}, "test.level.unit: 'mm' is a length, but N (a force)"),
     ({"identify": {"holdout": [1]}}, "identify.holdout: is not a key here; did you mean 'hold_out'?"),
     ({"identify": {"hold_out": [7]}}, "hold_out: no level 7 N in the test; it has 1, 2 N"),
+    ({"identify": {"hold_out": [1, 2]}}, "hold_out: holds every level back; at least one must remain"),
     ({"element.1.across": "tip - root"}, "element.1.across: tip, root: no such channel; known: none"),
 ])  # fmt: skip
 def test_what_a_measured_case_says_wrongly_is_named_by_its_key(laboratory, run_cli, changes, said):

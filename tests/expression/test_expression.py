@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import check_name, renamed, symbol
+from rsgen.formula.names import FUNCTIONS, check_name, renamed, symbol
 from rsgen.formula.printing import write
-from rsgen.formula.reading import parse
+from rsgen.formula.reading import FUNCTION_TABLE, parse
 
 CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "expressions.json").read_text(encoding="utf-8"))
 REFUSAL_SECONDS = 0.05  # what an expression may cost, best of three so that a busy machine does not decide
@@ -422,3 +422,8 @@ NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbo
 def test_renaming_is_replacing(text):
     law = parse(text)
     assert renamed(law, NAMES) == law.xreplace(NAMES)
+
+
+def test_every_function_that_may_be_called_can_be_read():
+    """A Piecewise has branches in place of arguments, and is read by itself."""
+    assert sorted(FUNCTIONS) == sorted({"Piecewise", *FUNCTION_TABLE})

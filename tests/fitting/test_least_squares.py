@@ -97,7 +97,7 @@ def test_noise_on_both_sides_does_not_bias_the_slope():
 def test_noise_and_errors_are_found():
     runs = [fit(*line_through(0.01, seed)) for seed in range(100)]
     # four standard errors of the mean of 100
-    assert np.mean([run.noise for run in runs]) == pytest.approx(1, rel=0.04)
+    assert np.mean([run.sigma for run in runs]) == pytest.approx(1, rel=0.04)
     scores = [(run.parameters[1] - 2) / np.sqrt(run.covariance[1, 1]) for run in runs]
     assert np.std(scores) == pytest.approx(1, rel=0.25)  # 3.5 standard errors of a spread of 100
 
@@ -162,7 +162,7 @@ def test_what_nothing_determines_takes_up_no_freedom():
     seen = np.random.default_rng(5).normal(size=(20, 2))
     found = fit(*straight(np.ones((20, 2, 2)), seen), exclude=False)
     assert found.freedom == 39
-    assert found.noise == pytest.approx(seen.std(ddof=1), rel=1e-9)
+    assert found.sigma == pytest.approx(seen.std(ddof=1), rel=1e-9)
 
 
 def test_errors_are_never_less_than_those_of_equal_noise():
@@ -171,7 +171,7 @@ def test_errors_are_never_less_than_those_of_equal_noise():
     seen = np.outer(2 * x, np.ones(2))
     seen[:10] += 0.1 * np.array([[1.0, -1.0], [-1.0, 1.0]] * 5)
     found = fit(*straight(np.repeat(x[:, None, None], 2, axis=1), seen), exclude=False)
-    assert found.covariance[0, 0] == pytest.approx(found.noise**2 / (2 * np.sum(x**2)), rel=1e-9)
+    assert found.covariance[0, 0] == pytest.approx(found.sigma**2 / (2 * np.sum(x**2)), rel=1e-9)
 
 
 def test_what_is_known_of_a_parameter_counts_as_one_more_reading():

@@ -71,7 +71,7 @@ def test_the_deviance_is_that_of_an_identification_with_the_value_fixed():
     for value, root in zip(one.values[[0, -1]], one.root[[0, -1]], strict=True):
         held = identify(surface, CUBIC, fixed={"k3": float(value)})
         # one freedom more; both misfits are per freedom
-        grown = (held.fit.regression.noise / regression.noise) ** 2 * (freedom + 1) - freedom
+        grown = (held.fit.regression.sigma / regression.sigma) ** 2 * (freedom + 1) - freedom
         assert (root * wider) ** 2 == pytest.approx(grown, rel=0.05)
 
 

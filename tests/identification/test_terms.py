@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.identification.results.alternatives import Alternative, Alternatives, weight_of
+from rsgen.identification.results.alternatives import Alternative, Alternatives
 from rsgen.report.wording.sentences import next_step, sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
@@ -70,10 +70,10 @@ def test_a_term_widens_an_interval_by_its_shift_times_its_likelihood():
     hidden, unseen = Alternative(1.3, 1.0, np.array([0.3, 0.0])), Alternative(0.0, 1.0, np.zeros(2))
     several = replace(hidden, columns=4)
     error, values = np.array([0.1, 0.1]), np.array([2.0, 1.0])
-    assert weight_of(unseen) == 0.5
-    assert 0.99 < weight_of(Alternative(4.0, 1.0, values)) < 1
-    assert weight_of(several) == 0
-    assert weight_of(replace(several, value=4.0)) == 1
+    assert unseen.weight == 0.5
+    assert 0.99 < Alternative(4.0, 1.0, values).weight < 1
+    assert several.weight == 0
+    assert replace(several, value=4.0).weight == 1
     ratio, said = Alternatives(("c", "m"), error, {"term": {"v**3": hidden}}).judge(values, 0.01)
     assert ratio == pytest.approx([np.sqrt(1 + 9 / (1 + np.exp(-(1.3**2) / 2))), 1.0])
     (named,) = said

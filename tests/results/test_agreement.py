@@ -47,7 +47,7 @@ def test_of_a_linear_model_one_step_is_the_refit(data):
     assert found.moved == pytest.approx(here.parameters - there.parameters, rel=1e-9)
     # the same noise in both parts
     variance = sum(np.diag(each.basis @ each.basis.T) for each in (here, there))
-    assert found.error == pytest.approx(whole.noise * np.sqrt(variance), rel=1e-9)
+    assert found.error == pytest.approx(whole.sigma * np.sqrt(variance), rel=1e-9)
 
 
 def test_the_jackknife_is_that_of_refits(data):

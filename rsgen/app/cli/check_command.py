@@ -7,7 +7,7 @@ from typing import Any
 import rsgen
 from rsgen.app.cli.derive_command import sentences_of_elements
 from rsgen.app.cli.options import Cases, Data, Json
-from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_faults, print_json, print_line
+from rsgen.app.cli.terminal import FAULTY, USABLE_RESULT, print_faults, print_json, print_line
 from rsgen.cases.case import Case, law_faults
 from rsgen.cases.loading import find_cases, load_case, name_clashes, read
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, shown_path
@@ -168,4 +168,4 @@ def check_command(cases: Cases, data: Data = None, json: Json = False) -> int:
             for line in lines:
                 print_line(f"  {line}")
     print_faults(faults)
-    return FAULTY if faults else ACCEPTED
+    return FAULTY if faults else USABLE_RESULT

@@ -11,7 +11,7 @@ import typer
 
 from rsgen.analysis.comparison import ComparedFit, FitComparison
 from rsgen.app.cli.options import Json
-from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_block, print_json, print_line
+from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
 from rsgen.report.result_json import comparison_entry, read_result, read_results
@@ -108,7 +108,7 @@ def diff_command(
     changed, worse = (sum(getattr(one, name) for one in differences) for name in ("changed", "worse"))
     if json:
         print_json(difference_data(differences))
-        return MISSED if worse else ACCEPTED
+        return DOUBTED_RESULT if worse else USABLE_RESULT
     for one in differences:
         if one.changed:
             print_line(one.case)
@@ -117,4 +117,4 @@ def diff_command(
                 print_line(f"{full_sentence(finding)} {next_step(finding)}")
     cases = "case" if len(differences) == 1 else "cases"
     print_line(f"{changed} of {len(differences)} {cases} changed, {worse} for the worse")
-    return MISSED if worse else ACCEPTED
+    return DOUBTED_RESULT if worse else USABLE_RESULT

@@ -9,7 +9,7 @@ import typer
 
 from rsgen.app.cli.options import MODAL, Data, Json, OneCase, Surface, checked_target
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.terminal import ACCEPTED, number, print_json, print_line
+from rsgen.app.cli.terminal import USABLE_RESULT, number, print_json, print_line
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.common.output import write_atomic
@@ -51,7 +51,7 @@ def modal_command(
     said = [sentence(finding) for finding in table.findings]
     if json:
         print_json({"case": loaded.name, "modal": modal_entry(modal), "warnings": said})
-        return ACCEPTED
+        return USABLE_RESULT
     for line in str(table).splitlines()[: 2 + len(table)]:
         print_line(line)
     for text in said:
@@ -65,4 +65,4 @@ def modal_command(
         )
     if target:
         print_line(f"{target}: all rows with their intervals")
-    return ACCEPTED
+    return USABLE_RESULT

@@ -10,7 +10,7 @@ import typer
 
 from rsgen.app.cli.options import Cases, Data, Figures, Json, Out
 from rsgen.app.cli.progress_bar import case_progress, print_cache_fault
-from rsgen.app.cli.terminal import ACCEPTED, FAULTY, print_json, print_line, verdict_code
+from rsgen.app.cli.terminal import FAULTY, USABLE_RESULT, print_json, print_line, verdict_code
 from rsgen.app.study.many_cases import run_cases
 from rsgen.app.study.run_case import CaseRun
 from rsgen.cases.loading import find_cases
@@ -23,7 +23,7 @@ def exit_code(runs: Sequence[CaseRun]) -> int:
     """Return 2 if a case failed, else 1 if a result is missed, doubtful or rejected, else 0."""
     if any(run.verdict is None for run in runs):
         return FAULTY
-    return max((verdict_code(run.verdict["state"]) for run in runs if run.verdict), default=ACCEPTED)
+    return max((verdict_code(run.verdict["state"]) for run in runs if run.verdict), default=USABLE_RESULT)
 
 
 def check_figures(kind: str | None) -> None:

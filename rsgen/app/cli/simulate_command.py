@@ -9,7 +9,7 @@ import typer
 
 from rsgen.app.cli.options import SPECTRA, SURFACE, Json, OneCase, checked_target
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.terminal import ACCEPTED, MISSED, print_json, print_line
+from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, print_json, print_line
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.common.errors import RsgenError, shown_path
@@ -59,4 +59,4 @@ def simulate_command(
             print_line(
                 "no point settled: check the values of [truth], their signs first; levels and frequencies"
             )
-    return ACCEPTED if size.get("settled", 1) else MISSED
+    return USABLE_RESULT if size.get("settled", 1) else DOUBTED_RESULT

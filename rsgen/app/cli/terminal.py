@@ -82,9 +82,10 @@ def _silence(stream: TextIO) -> None:
         os.close(null)
 
 
-ACCEPTED, MISSED, FAULTY, INTERRUPTED = 0, 1, 2, 130
-"""Exit codes: results that may be used unseen (accepted, identified), others (missed, doubtful, rejected),
-faulty input, an interrupt."""
+USABLE_RESULT, DOUBTED_RESULT, FAULTY, INTERRUPTED = 0, 1, 2, 130
+"""Exit codes: results that a script may use unseen (states accepted and identified, or nothing to judge),
+results that someone must look at (states missed, doubtful and rejected; nothing settled), faulty input, an
+interrupt."""
 
 _MOST_FAULTS = 500
 
@@ -140,7 +141,7 @@ def print_next_steps(verdict: StatedVerdict, more: Iterable[str] = ()) -> int:
 
 def verdict_code(state: object) -> int:
     """Return the exit code of a verdict's state: 0 if a script may go on with the numbers, else 1."""
-    return ACCEPTED if state in USABLE else MISSED
+    return USABLE_RESULT if state in USABLE else DOUBTED_RESULT
 
 
 def _finite(value: Any) -> Any:

@@ -337,14 +337,8 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
     size, time = decay.amplitude, decay.time + history.start
     begin = Quantity(history.start + stretch.begin / history.rate, "s")
     unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVE[history.quantity]
-    numbers = {
-        "begin": begin,
-        "first": Quantity(float(time[0]), "s"),
-        "last": Quantity(float(time[-1]), "s"),
-        "large": Quantity(float(size[0]), "m"),
-        "small": Quantity(float(size[-1]), "m"),
-        "floor": Quantity(stretch.floor / unit, "m"),
-    }
+    numbers = quantities("s", begin=begin, first=time[0], last=time[-1])
+    numbers |= quantities("m", large=size[0], small=size[-1], floor=stretch.floor / unit)
     after = "drive" if stretch.driven and not stretch.given else "start" if stretch.given else "blow"
     after = "hold" if stretch.held else after
     findings = [Finding("decay-taken", "info", "", numbers, {**names, "after": after})]

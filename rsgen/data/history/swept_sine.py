@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +37,7 @@ from rsgen.data.history.record import (
     name_levels,
 )
 from rsgen.data.history.tracking import (
+    MovingMass,
     Sweep,
     SweepLaw,
     SweptPoints,
@@ -62,16 +62,8 @@ _MAX_MASS_RATIO = 1.5
 _MAX_CORRECTION_BY_FLANKS = 0.3
 """Correction over the force with a mass from the flanks: its error is below a tenth of the force."""
 
-
-class _Mass(NamedTuple):
-    """Moving mass [kg], its origin, the correction, relative to the force, for which it is accurate, and the
-    relative difference from the mass of the flanks, where both are known.
-    """
-
-    value: float
-    origin: str
-    good_to: float
-    difference: float = 0.0
+_Outcomes = NDArray[np.int_]
+"""An ``Outcome`` for every point."""
 
 
 def from_swept_sine(
@@ -260,16 +252,15 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     motion = Kinematics.joined([part.motion for part in parts])
     omega = 2 * pi * column("drive").real
     outcome = _by_windows(force, motion, flattened, column("unclear").real)
-    moving = _Mass(mass, "given", _MAX_CORRECTION) if mass is not None else None
+    moving = MovingMass(mass, "given", _MAX_CORRECTION) if mass is not None else None
     moving = moving or _moving_mass(parts, force, motion, outcome == Outcome.SETTLED)
-    steady, corrected = force, tuple[Any, ...]()
+    steady, damping = force, None
     if moving is not None:
         steady, damping = steady_force(force, motion, moving.value, omega)
         steady = np.where(outcome == Outcome.DROPPED_OUT, force, steady)
         outcome = _by_correction(parts, steady, motion, moving, outcome)
-        corrected = damping, moving.value, moving.origin, moving.difference
     findings = [finding for part in parts for finding in part.findings]
-    findings += fast_sweeps(parts, steady, outcome == Outcome.SETTLED, *corrected)
+    findings += fast_sweeps(parts, steady, outcome == Outcome.SETTLED, moving, damping)
     for reason, words in _EXCLUDED.items():
         findings += excluded_points(parts, outcome == reason, words)
     count = [len(part) for part in parts]
@@ -295,7 +286,7 @@ _EXCLUDED = {
 """Outcomes of which a finding counts the points, by its word for them; of the others ``identify`` does."""
 
 
-def _by_windows(force: ComplexArray, motion: Kinematics, flattened: Array, unclear: Array) -> NDArray[Any]:
+def _by_windows(force: ComplexArray, motion: Kinematics, flattened: Array, unclear: Array) -> _Outcomes:
     """Return the ``Outcome`` (n,) of points by what the windows hold, and by how two windows differ."""
     loud = np.abs(force) > MIN_RELATIVE_FORCE * np.median(np.abs(force))
     moves = np.isfinite(flattened) & np.isfinite(motion.displacement)
@@ -308,23 +299,21 @@ def _by_windows(force: ComplexArray, motion: Kinematics, flattened: Array, uncle
 
 
 def _by_correction(
-    parts: list[SweptPoints], steady: ComplexArray, motion: Kinematics, moving: _Mass, outcome: NDArray[Any]
-) -> NDArray[Any]:
+    parts: list[SweptPoints], steady: ComplexArray, motion: Kinematics, mass: MovingMass, outcome: _Outcomes
+) -> _Outcomes:
     """Return the ``Outcome`` (n,) of points by the correction of their force to ``steady`` (n,) [N], too."""
-    force, flattened = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("force", "flattened")
-    )
+    force, flattened = (np.concatenate([getattr(p, name) for p in parts]) for name in ("force", "flattened"))
     size = np.maximum(np.abs(force), np.abs(steady))
-    blurred = ~(np.abs(moving.value * flattened * motion.acceleration) < RELATIVE_ERROR_DOUBTFUL * size)
+    blurred = ~(np.abs(mass.value * flattened * motion.acceleration) < RELATIVE_ERROR_DOUBTFUL * size)
     outcome = np.where((outcome == Outcome.SETTLED) & blurred, Outcome.SWEPT_TOO_FAST, outcome)
     correction, good = np.abs(steady - force) / np.where(size > 0, size, 1.0), outcome == Outcome.SETTLED
-    free = correction >= np.minimum(moving.good_to, most_by_pace(parts, correction, steady, good))
+    free = correction >= np.minimum(mass.good_to, most_by_pace(parts, correction, steady, good))
     return np.where(good & free, Outcome.FREE_MOTION, outcome)
 
 
 def _moving_mass(
     parts: list[SweptPoints], force: ComplexArray, motion: Kinematics, good: NDArray[np.bool_]
-) -> _Mass | None:
+) -> MovingMass | None:
     """Return the moving mass from the points at resonances, else from the flanks; None if not determined."""
     flank = flank_mass(force[good], motion.select(good))
     if flank is not None and (_typical(flank) > _MAX_MISFIT_ONE_MODE or not flank.mass > 0):
@@ -338,11 +327,11 @@ def _moving_mass(
         and (flank is None or 1 / _MAX_MASS_RATIO < found.mass / flank.mass < _MAX_MASS_RATIO)
     ):
         difference = 0.0 if flank is None else abs(found.mass / flank.mass - 1)
-        return _Mass(found.mass, "from the sweeps themselves", _MAX_CORRECTION, difference)
+        return MovingMass(found.mass, "from the sweeps themselves", _MAX_CORRECTION, difference)
     return (
         None
         if flank is None
-        else _Mass(flank.mass, "from the flanks of the resonance", _MAX_CORRECTION_BY_FLANKS)
+        else MovingMass(flank.mass, "from the flanks of the resonance", _MAX_CORRECTION_BY_FLANKS)
     )
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf, isfinite, log, nan, pi
-from typing import Any
+from math import inf, isfinite, log, pi
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
+from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
 from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import (
     REFERENCE_PASSES,
@@ -332,6 +332,17 @@ _MIN_CORRECTION_RATIO = 2.0
 """... and over the correction at the resonance of the sweep, which follows from its pace."""
 
 
+class MovingMass(NamedTuple):
+    """Moving mass [kg], its origin, the correction, relative to the force, for which it is accurate, and the
+    relative difference from the mass of the flanks, where both are known: so far the correction is in doubt.
+    """
+
+    value: float
+    origin: str
+    good_to: float
+    difference: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SweptPoints:
     """The n points of one sweep.
@@ -378,53 +389,46 @@ def fast_sweeps(
     parts: list[SweptPoints],
     steady: ComplexArray,
     good: NDArray[np.bool_],
+    moving: MovingMass | None = None,
     damping: Array | None = None,
-    mass: float = nan,
-    origin: str = "",
-    difference: float = 0.0,
 ) -> list[Finding]:
     """Return a finding about the fastest sweep at its resonance; none where all are slow and corrected.
 
     The points of all parts, one after the other, have the corrected force ``steady`` [N] and the damping c(X)
-    [N s/m]; ``good`` ones are used. ``origin`` says where the mass [kg] is from, and ``difference`` how far
-    another one is from it, by which the correction is in doubt. Without a mass the force was not corrected,
-    and the half width is that of the measured resonance, which a fast sweep makes wider. The resonance is
-    "beyond" where the receptance does not fall to half power on both sides of its largest value.
+    [N s/m]; ``good`` ones are used. Without a mass the force was not corrected, and the half width is that
+    of the measured resonance, which a fast sweep makes wider. The resonance is "beyond" where the receptance
+    does not fall to half power on both sides of its largest value.
     """
-    worst, findings = _SLOW_PACE, [Finding("sweep-rate", "warning")] if damping is None else []
+    worst, findings = _SLOW_PACE, [Finding("sweep-rate", "warning")] if moving is None else []
     for part, chosen, here, size in sweep_by_sweep(parts, steady, good):
         top = chosen[size > HALF_POWER * size.max()]
         # at most: the next points on both sides are below half power
         spacing = float(np.ptp(part.drive[chosen])) / max(len(chosen) - 1, 1)
         width = float(np.ptp(part.drive[top])) / 2 + spacing
         # a channel of the other sign feeds energy
-        if damping is not None and (typical := float(np.median(damping[here][top]))) > 0:
-            width = typical / (4 * pi * mass)  # zeta f = c/(4 pi m)
+        if moving and damping is not None and (typical := float(np.median(damping[here][top]))) > 0:
+            width = typical / (4 * pi * moving.value)  # zeta f = c/(4 pi m)
         rate = float(np.median(part.rate[top]))
         pace = rate / width**2 if width > 0 else inf
         if pace <= worst:
             continue
         worst = pace
-        numbers = {
-            "rate": Quantity(rate, "Hz/s"),
-            "resonance": Quantity(float(np.median(part.drive[top])), "Hz"),
-            "half_width": Quantity(width, "Hz"),
-            "pace": Quantity(pace),
-            "shift": Quantity(pace / (2 * pi)),
-        }
+        numbers = quantities("Hz", resonance=np.median(part.drive[top]), half_width=width)
+        numbers |= quantities(rate=Quantity(rate, "Hz/s"), pace=pace, shift=pace / (2 * pi))
         names = {"record": part.label, "direction": part.direction}
         if top[0] == chosen[0] or top[-1] == chosen[-1]:
             names["resonance"] = "beyond"
         severity = severity_of(pace, _UNCORRECTED_PACE, inf)
-        if damping is not None:
+        if moving:
             change = float(np.median(np.abs(part.force[top] / steady[here][top] - 1)))
-            numbers |= {"mass": Quantity(mass, "kg"), "proved_up_to": Quantity(_PROVED_PACE)}
-            numbers |= quantities(correction=change, left=change * difference)
-            names["mass"] = origin
+            doubted = change * moving.difference
+            numbers |= quantities(mass=Quantity(moving.value, "kg"), proved_up_to=_PROVED_PACE)
+            numbers |= quantities(correction=change, left=doubted)
+            names["mass"] = moving.origin
             severity = "info" if pace <= _PROVED_PACE else severity_of(pace, _LOST_PACE, inf)
             if severity == "doubt":
                 names["doubt"] = "pace"
-            if change * difference > RELATIVE_ERROR_DOUBTFUL:
+            if doubted > RELATIVE_ERROR_DOUBTFUL:
                 severity, names["doubt"] = "doubt", "mass"
         findings = [Finding("sweep-rate", severity, "", numbers, names)]
     return findings
@@ -446,16 +450,16 @@ def most_by_pace(
     return most
 
 
+_MAX_SHARE_EXCLUDED = 0.2
+"""Share of the points of all sweeps that may be excluded for one reason without a doubt."""
+
+
 def excluded_points(parts: list[SweptPoints], marked: NDArray[np.bool_], reason: str) -> list[Finding]:
     """Return a finding about the points (n,) that are excluded for a reason; none where none are."""
     if not marked.any():
         return []
     frequency = np.concatenate([part.drive for part in parts])[marked]
-    numbers = {
-        "excluded": Quantity(float(np.count_nonzero(marked))),
-        "points": Quantity(len(marked)),
-        "low": Quantity(float(frequency.min()), "Hz"),
-        "high": Quantity(float(frequency.max()), "Hz"),
-    }
-    severity: Severity = "doubt" if np.mean(marked) > MAX_SHARE_OF_OUTLIERS else "info"
+    numbers = quantities(excluded=float(np.count_nonzero(marked)), points=len(marked))
+    numbers |= quantities("Hz", low=frequency.min(), high=frequency.max())
+    severity: Severity = "doubt" if np.mean(marked) > _MAX_SHARE_EXCLUDED else "info"
     return [Finding("points-excluded", severity, "", numbers, {"by": reason})]

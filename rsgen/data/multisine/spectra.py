@@ -398,10 +398,7 @@ def check_records(spectra: MultisineSpectra, observation: Observation) -> NDArra
             f"record {silent[0] + 1} of {len(spectra)}: the response is zero; a motion is needed"
         )
     spectra.require_levels(observation.hold_out)
-    held = spectra.held_out(observation.hold_out)
-    if held.all():
-        raise RsgenError("identify.hold_out: holds every level back; at least one must remain")
-    return held
+    return spectra.held_out(observation.hold_out)
 
 
 # ----------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
-from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_DOUBTFUL, RELATIVE_CHANGE_NEGLIGIBLE
+from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_EXPLAINED, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, copied_levels, misnamed_levels
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
@@ -317,7 +317,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
         return found.misfit, found.passive
 
     misfit, signs = fit(response)
-    if misfit < MISFIT_DOUBTFUL:
+    if misfit < MISFIT_EXPLAINED:
         return
     fits = {name: fit(other) for name, other in others.items()}
     passive = {name: misfit for name, (misfit, signs) in fits.items() if all(signs)}
@@ -370,7 +370,7 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
     response = surface.harmonics[rows, 1] + (base if absolute else 0)
     as_read = (base, response, absolute)
     misfit, passive = _fit(*as_read, omega, powers)
-    if passive and misfit < MISFIT_DOUBTFUL:
+    if passive and misfit < MISFIT_EXPLAINED:
         return ()
     readings = {
         "sign": (base, -response, absolute),
@@ -384,7 +384,7 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
             "sense-both": (np.conj(base), np.conj(response), absolute),
         } | readings
     fits = {name: _fit(*reading, omega, powers) for name, reading in readings.items()}
-    sound = {name: left for name, (left, positive) in fits.items() if positive and left < MISFIT_DOUBTFUL}
+    sound = {name: left for name, (left, positive) in fits.items() if positive and left < MISFIT_EXPLAINED}
     # next to the inertia of the base any law fits an exchanged response, which is far too small
     compared = {name: readings[name] for name in sound} or {"": as_read}
     of_law = {name: _fit(*reading, omega, powers, of_law=True)[0] for name, reading in compared.items()}

@@ -36,7 +36,6 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     MAX_NEWTON_STEPS,
-    MAX_SHARE_OF_OUTLIERS,
     MIN_GAIN_OF_STEP,
     MIN_NULL_COMPONENT,
     MISFIT_NEGLIGIBLE,
@@ -45,7 +44,7 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
-    interval_sigmas,
+    is_significant,
 )
 from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode, law_of
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
@@ -63,6 +62,9 @@ RESOLUTION = 5.0
 _STEPS_KEPT, _RENEWALS = 6, 4
 """Gauss-Newton steps with the same derivatives by the simulator, and times that these are taken anew."""
 
+_MAX_SHARE_PASSED_LATE = 0.2
+"""Share of points that a sweep may pass late where the law loses its symmetry; beyond it the law is wrong."""
+
 _WORTH = 0.99
 """Of simulated rounds one that leaves more of the misfit was the last: the rest is the simulator's."""
 
@@ -79,8 +81,8 @@ class Solution:
         (p + 1, p + 1) of the values, then of the mass; zero where one is fixed.
     freedom
         Degrees of freedom of the noise that the covariance rests on; (p + 1,) where they differ.
-    misfit
-        Root mean square, relative.
+    sigma
+        Root mean square misfit of the equations, each a real or an imaginary part, relative to the force.
     converged
         False for a refined fit whose steps ended before the least sum of squares, where the covariance holds.
     """
@@ -89,14 +91,14 @@ class Solution:
     mass: float
     covariance: Array
     freedom: int | Array
-    misfit: float
+    sigma: float
     converged: bool = True
 
     @classmethod
     def of(cls, found: Regression, *, converged: bool = True) -> Solution:
         """Return the parameters (q,) of a regression, of which the mass is the last."""
         values, mass = found.parameters[:-1], float(found.parameters[-1])
-        return cls(values, mass, found.covariance, found.error_freedom, found.noise, converged)
+        return cls(values, mass, found.covariance, found.error_freedom, found.sigma, converged)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,7 +174,7 @@ class Fit:
         """
         law, found = self.problem.law, self.regression
         # the error of what the points do not determine is no number
-        known = interval_sigmas() * np.sqrt(np.diag(found.covariance)) <= np.abs(found.parameters)
+        known = is_significant(found.parameters, np.sqrt(np.diag(found.covariance)))
         hidden = (found.free & ~known)[: len(law.parameters)]
         both = hidden[list(law.nonlinear)].any() and hidden[list(law.linear)].any()
         return np.asarray(hidden & both)
@@ -216,7 +218,7 @@ class Fit:
         if compared and points.overlapping and law_of(self.problem.elements).odd:
             distance = np.abs(np.abs(points.harmonics[:, 2]) - np.abs(self.harmonics[:, 2]))
             late = self.symmetry_broken & (distance > RELATIVE_CHANGE_NEGLIGIBLE * points.amplitude)
-        return late & (np.mean(late) < MAX_SHARE_OF_OUTLIERS)
+        return late & (np.mean(late) < _MAX_SHARE_PASSED_LATE)
 
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""
@@ -303,18 +305,18 @@ def fit_balance(
         found = fitted(found.parameters, nuisance, rules)
     # few samples falsify the first order of a law with switches, and nearly exact data show what they miss
     coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
-    if coarse and (order == 1 or found.noise < MISFIT_NEGLIGIBLE):
+    if coarse and (order == 1 or found.sigma < MISFIT_NEGLIGIBLE):
         forward.samples = SAMPLES_PER_PERIOD_SWITCHED
         more = replace(rules, steps=1 if order == 1 else steps)
         found = fitted(found.parameters, found.nuisance, more)
     # second derivatives of a balance of few harmonics mean nothing where the law jumps or has a corner
-    if found.noise > MISFIT_OF_NOISE and not law.rough:
+    if found.sigma > MISFIT_OF_NOISE and not law.rough:
         response = descent.predict(found.parameters, found.nuisance)
         descent.scale = np.abs(observed.predict_sensor(response, problem.split(found.parameters)[2]))
         found = fitted(found.parameters, found.nuisance, rules, used=found.used)
         if correct:
             found = descent.corrected(found)
-    elif found.noise > MISFIT_OF_NOISE and law.acts_across:
+    elif found.sigma > MISFIT_OF_NOISE and law.acts_across:
         # no value is corrected, but ``noise_share``, from which ``noise-across`` follows, is computed
         found = replace(found, noise_share=descent.corrected(found).noise_share)
     return _finish(problem, descent, found, order, shared=shared)
@@ -428,7 +430,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         None where the simulator cannot follow enough of the points.
     """
     observed, before = problem.observed, start.regression
-    noisy = before.noise > MISFIT_OF_NOISE
+    noisy = before.sigma > MISFIT_OF_NOISE
     drive, motion, amplitude = _near_motion(start, noisy)
     forward = Simulator(
         problem.elements,
@@ -439,13 +441,13 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         [h for h in observed.recorded if h != 1],
         before.parameters[: problem.count],
         before.strength[: problem.count],
-        before.noise,
+        before.sigma,
         null=_null_of_law(before, problem.count),
         accuracy=accuracy,
     )
     descent = ErrorsInVariables(problem, forward)
     descent.scale = start.scale if noisy else observed.points.amplitude
-    parameters, noise = before.parameters, before.noise
+    parameters, noise = before.parameters, before.sigma
     nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
     values, mass, _ = problem.split(parameters)
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
@@ -457,11 +459,11 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         if noisy and found.converged:
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance
-        exact = found.noise < RESOLUTION * accuracy
-        if found.converged and (exact or found.noise > _WORTH * noise):
+        exact = found.sigma < RESOLUTION * accuracy
+        if found.converged and (exact or found.sigma > _WORTH * noise):
             break
         # near a fold derivatives change quickly
-        noise = found.noise
+        noise = found.sigma
         forward.renew()
     if np.count_nonzero(found.used) < _MIN_SHARE_FOLLOWED * len(drive):
         return None

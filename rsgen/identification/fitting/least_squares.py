@@ -90,8 +90,8 @@ class Regression:
         (q, d) directions in the space of scaled parameters that the points do not determine.
     scale
         (q,) scale of the parameters there.
-    noise
-        Noise found, in units of the expected one.
+    sigma
+        Standard deviation of the noise of a single equation, in units of the expected one.
     misfit
         (n,) distance of each point per degree of freedom, in expected noise; NaN without a prediction.
     used
@@ -119,7 +119,7 @@ class Regression:
     covariance: Array
     null: Array
     scale: Array
-    noise: float
+    sigma: float
     misfit: Array
     used: Mask
     freedom: int
@@ -132,6 +132,11 @@ class Regression:
     free: Mask
     error_freedom: Array
     noise_share: float = 0.0
+
+    @property
+    def rms_misfit(self) -> float:
+        """Misfit of real and imaginary part together: the ``residual`` of an identification."""
+        return self.sigma * 2**0.5
 
     def widened(self, covariance: Array, freedom: Array | float = np.inf) -> Regression:
         """Return the fit with larger errors.
@@ -162,7 +167,7 @@ class Rules:
     halvings
         Number of step lengths that are tried, each half of the last.
     attainable
-        Misfit by the error of the prediction, below which steps are not halved, and end sooner.
+        Misfit by the error of the prediction, below which steps are not halved, and end sooner (``descend``).
     natural
         (q,) typical sizes of the parameters; see ``solve_scaled``.
     frozen
@@ -311,9 +316,16 @@ def descend(
 ) -> tuple[Array, Array, Linearisation, bool]:
     """Minimise by Gauss-Newton steps; return parameters, nuisances, residual with slopes, and convergence.
 
-    A step is halved until it lowers the sum of squares; linear parameters are then solved for. The last step
-    is the one that gains less than ``rules.gain``. Where no length lowers the sum of squares, two steps from
-    the end of the full one may still lead across a bend of a narrow valley (``_across_bend``).
+    A step is halved until it lowers the sum of squares; linear parameters are then solved for. The ends are
+
+    1. converged: a step promises to gain less than ``rules.gain``, and is not taken;
+    2. converged: a step gained less than that, or moved no parameter by more than round-off. Below the misfit
+       ``rules.attainable`` a gain of a thousandth of the sum of squares is the last, and no step is halved;
+    3. no length lowers the sum of squares: converged if the full step moves no parameter by a millionth, or
+       promises less than the noise of one equation, in exact data that of all. Otherwise a few steps from
+       the end of the full one may lead across a bend of a narrow valley (``_across_bend``), and the descent
+       goes on; not with ``rules.attainable``, nor within ``_across_bend``;
+    4. not converged: ``rules.steps`` are used up, or no point has a prediction.
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     parameters, line = _solve_linear(linearise(parameters, nuisance), parameters, rules, used)
@@ -332,11 +344,11 @@ def descend(
         # of exact data truncated waveforms leave a misfit that steps change by less than half
         exact = step.misfit < MISFIT_OF_NOISE
         done = gained >= 0 or step.relative < 1e-6 or step.gain < (step.rows if exact else 1.0)
-        if done or rules.attainable > 0 or rules.steps <= _WATCHDOG_STEPS:  # kept slopes have no bend
-            return parameters, nuisance, line, done
-        ahead = _across_bend(linearise, before, step, rules, good)
+        # kept slopes have no bend
+        straight = done or rules.attainable > 0 or rules.steps <= _WATCHDOG_STEPS
+        ahead = None if straight else _across_bend(linearise, before, step, rules, good)
         if ahead is None:
-            break
+            return parameters, nuisance, line, done
         parameters, nuisance, line = ahead
     return parameters, nuisance, line, False
 
@@ -446,7 +458,7 @@ def _agreeing(place: Place, rules: Rules, used: Mask, neighbours: NDArray[np.int
     """Return the mask of points without outliers, which are at most a fixed share.
 
     One outlier pulls the fit off its neighbours: outliers that are neighbours are judged again after a step
-    without them.
+    without them. Where outliers are neighbours after two rounds, the law is wrong: none is excluded.
     """
     parameters, nuisance, line = place
     (residual, matrix), predicted = eliminate(line), line.predicted
@@ -524,7 +536,7 @@ def summarise(
         covariance=determined(fisher * np.outer(widen, widen), null),
         null=null,
         scale=np.where(norm > 0, norm, 1.0),
-        noise=float(np.sqrt(variance)),
+        sigma=float(np.sqrt(variance)),
         misfit=np.sqrt(distance / (residual.shape[1] - nuisance.shape[1])),
         used=used,
         freedom=freedom,
@@ -556,7 +568,7 @@ def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regressio
     units, triangle = _orthonormal(line.by_nuisance[:, :, ::-1])
     regular = found.used & np.all(np.diagonal(triangle, axis1=1, axis2=2) > 0, axis=1)
     factor = np.zeros_like(triangle)
-    factor[regular] = np.linalg.inv(triangle[regular])[:, ::-1] * found.noise
+    factor[regular] = np.linalg.inv(triangle[regular])[:, ::-1] * found.sigma
     shift, share = np.zeros(line.residual.shape), np.zeros((found.basis.shape[1],) * 2)
     for column in np.moveaxis(factor, 2, 0):
         second, slopes = bend(column)

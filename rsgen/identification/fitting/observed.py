@@ -24,7 +24,7 @@ from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS, POINT
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.identification.fitting.least_squares import Linearisation
-from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.points import FORCE, FUNDAMENTAL, OTHERS, Points
 from rsgen.law.element import Element
 from rsgen.law.numeric import ForceLaw
 
@@ -213,8 +213,8 @@ class Observed:
                         by / unit[:, None],
                     )
                 )
-        orders = [0, 1, *[2] * len(compared)]
-        rows = [row.over(points.noise[:, i]) for row, i in zip(rows, orders, strict=True)]
+        kinds = [FORCE, FUNDAMENTAL, *[OTHERS] * len(compared)]
+        rows = [row.over(points.noise[:, kind]) for row, kind in zip(rows, kinds, strict=True)]
         # the mean has no imaginary part, an amplitude no phase
         real = [h == 0 or h not in self.recorded for h in (1, 1, *compared)]
         for _ in points.far.T:
@@ -290,9 +290,9 @@ class Observed:
     def plain_influence(self, influence: Array) -> Array:
         """Convert the influence (n, M, q) of rows in units of the noise into that of relative differences."""
         half, noise = (influence.shape[1] + 1) // 2, self.points.noise
-        rows = np.repeat(noise[:, 2:], influence.shape[1], axis=1)
+        rows = np.repeat(noise[:, [OTHERS]], influence.shape[1], axis=1)
         for part in range(self.parts):
-            rows[:, part * half : part * half + 2] = noise[:, :2]
+            rows[:, part * half : part * half + 2] = noise[:, [FORCE, FUNDAMENTAL]]
         return np.asarray(influence / rows[:, :, None])
 
     def relative_influence(self, influence: Array, values: Array, nuisance: Array) -> Array:

@@ -234,6 +234,13 @@ def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.co
     return load if higher.any() else None
 
 
+FORCE, FUNDAMENTAL, OTHERS = range(3)
+"""Columns of ``Points.noise``: of the force, of the fundamental and of other harmonics of the motion."""
+
+_EQUAL_NOISE = np.ones(3)
+"""Relative noise of force and motion in a test of sines, 1:1: it rarely says which sensor is worse."""
+
+
 def _noise_of(surface: ResponseSurface, index: NDArray[np.intp], mass: float) -> Array:
     """Return the noise (n, 3) of force, fundamental and other harmonics of rows, up to a common factor.
 
@@ -242,15 +249,15 @@ def _noise_of(surface: ResponseSurface, index: NDArray[np.intp], mass: float) ->
     envelope: both are known but for one factor. Other harmonics have that of the force, relative to the
     largest, for they are those of the steady motion to first order only.
     """
-    noise = np.ones((len(index), 3))
+    noise = np.tile(_EQUAL_NOISE, (len(index), 1))
     if not (surface.decays and mass > 0):
         return noise
     size, force = surface.amplitude[index], np.abs(surface.force[index])
     of_slope = 2 * NOISE_OF_SLOPE * mass * surface.omega[index] ** 2
     largest, typical = float(force.max()), float(np.median(of_slope))
-    noise[:, 0] = of_slope / typical * largest / force
-    noise[:, 1] = largest / (typical * size)
-    noise[:, 2] = size.max() / size
+    noise[:, FORCE] = of_slope / typical * largest / force
+    noise[:, FUNDAMENTAL] = largest / (typical * size)
+    noise[:, OTHERS] = size.max() / size
     return noise
 
 

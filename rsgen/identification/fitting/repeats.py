@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS, MIN_SIGNIFICANT_GAIN, ROUND_OFF
+from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, ROUND_OFF
 from rsgen.data.record_set import FILE_ROUND_OFF
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Regression
@@ -257,6 +257,10 @@ def _range_of(values: Array, group: NDArray[np.intp], count: int) -> tuple[Array
     return low, high
 
 
+_MIN_SHARE_KEPT = 0.8
+"""Share of the readings of a point, those nearest to the median, that are never outliers."""
+
+
 def _outliers(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return the mask (n,) of readings that are far from the others of their point."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -269,7 +273,7 @@ def _outliers(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.b
         distance = np.abs(own - complex(np.median(own.real), np.median(own.imag)))
         limit = max(
             _MAX_MEDIAN_DISTANCES * float(np.median(distance)),
-            float(np.quantile(distance, 1 - MAX_SHARE_OF_OUTLIERS)),
+            float(np.quantile(distance, _MIN_SHARE_KEPT)),
         )
         far[rows] = distance > limit
     return far

@@ -481,6 +481,8 @@ def relative_to_force(lines: SpectralLines, power: Array) -> float:
 
 _MAX_INSTANTS = 1500
 """Instants of all motions at which a law without memory is tried: many times its parameters."""
+_COST_OF_MEMORY = 4
+"""Of a trial of a law with memory, in trials of one without."""
 _TRIALS_A_DECADE = 24
 _MISFIT_OF_INFINITE_FORCE = 1e6
 
@@ -555,7 +557,7 @@ class _SampledBalance:
         size = self.natural[list(self.law.nonlinear)]
         size = np.where(np.isfinite(size) & (size > 0), size, 1.0)
         ratios = np.logspace(-DECADES, DECADES, int(2 * DECADES * _TRIALS_A_DECADE) + 1)
-        count = NONLINEAR_TRIALS // (4 if self.law.remembers else 1)
+        count = NONLINEAR_TRIALS // (_COST_OF_MEMORY if self.law.remembers else 1)
         return search_values(self.residual, list(size[:, None] * ratios), count)
 
 

@@ -497,10 +497,8 @@ def _prediction_findings(
             findings.append(Finding("no-steady-state", "doubt", numbers=quantities(level=level)))
             continue
         if amplitude > reach:
-            tested = Quantity(found.amplitude_range[1], "m")
-            numbers = quantities(
-                level=level, amplitude=Quantity(amplitude, "m"), high=tested, error=one.error
-            )
+            numbers = quantities(level=level, error=one.error)
+            numbers |= quantities("m", amplitude=amplitude, high=found.amplitude_range[1])
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
         if one.error > HELD_OUT_ERROR_SMALL:
             severity = severity_of(one.error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)

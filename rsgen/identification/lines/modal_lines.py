@@ -25,11 +25,11 @@ from rsgen.identification.lines.line_fit import LineFit, fit_lines, misfit_to_no
 from rsgen.identification.lines.line_identification import fitted_background, lines_feed_exciter
 from rsgen.identification.modal_result import (
     MIN_LIKELIHOOD,
-    MODAL_COLUMNS,
     ModalSplines,
     ModalTable,
     ModalTest,
     SplineBasis,
+    known_columns,
     scattered,
     table_amplitudes,
 )
@@ -137,14 +137,12 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
             if weight > MIN_LIKELIHOOD
         ]
         splines = replace(_splines(found, basis, size, errors), others=tuple(others[1:]))
-    known = tuple(MODAL_COLUMNS)
-    if not (np.isfinite(spectra.units.kilogram) and model.observation.calibrated):
-        known = tuple(name for name in known if name not in ("stiffness", "damping"))
-    kilogram = spectra.units.kilogram if model.observation.calibrated else np.nan
+    calibrated = model.observation.calibrated
+    kilogram = spectra.units.kilogram if calibrated else np.nan
     return ModalTable(
         amplitude=table_amplitudes(tested),
         splines=splines,
-        known=known,
+        known=known_columns(kilogram, calibrated=calibrated),
         tested=tested,
         mass=found.mass * kilogram,
         mass_error=splines.mass_error * kilogram,

@@ -390,9 +390,7 @@ def _compare_peaks(
             at, height = float(omega[0]) / (2 * np.pi), float(seen[0])
     low, high = sorted((frequency[top], at))
     between = run.amplitude[(frequency > low) & (frequency < high)]
-    sizes = quantities(
-        measured=Quantity(measured, "m"), peak=Quantity(height, "m"), frequency=Quantity(at, "Hz")
-    )
+    sizes = quantities("m", measured=measured, peak=height, frequency=Quantity(at, "Hz"))
     jumped = np.any(between < HALF_POWER * measured)
     inside = frequency.min() <= at <= frequency.max() and not rises
     names = {"by": "jump" if jumped else "points" if inside else "end", "rises": "yes" if rises else "no"}

@@ -37,7 +37,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.observed import Observed
-from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.points import FORCE, FUNDAMENTAL, OTHERS, Points
 from rsgen.identification.ranking.library_sums import base_elements
 from rsgen.law.element import response_share
 from rsgen.law.motion import FourierSeries, Motion, fourier_series
@@ -512,12 +512,11 @@ def _covariance(motion: ReferenceMotion, jacobian: Array, joints: Sequence[Array
         # the response is the origin of the phase, and that of the force is free
         spread[2] = 0.0
     relative = motion.points.noise
-    # mean, fundamental, other harmonics
-    spread = spread * relative[:, [2, 1, 1, *[2] * (len(spread) - 3)]]
+    spread = spread * relative[:, [OTHERS, FUNDAMENTAL, FUNDAMENTAL, *[OTHERS] * (len(spread) - 3)]]
     noisy = jacobian * (motion.points.amplitude[:, None] * spread)[:, None, :]
     covariance = noisy @ np.swapaxes(noisy, 1, 2)
     # noise of the force changes the mode as well: the background is a receptance times the measured force
-    force = (motion.force * relative[:, 0])[:, None] * np.array([1, 1j]) * noise[1] / np.sqrt(2)
+    force = (motion.force * relative[:, FORCE])[:, None] * np.array([1, 1j]) * noise[1] / np.sqrt(2)
     force[:, 1] *= 1.0 if motion.points.phase_known else _NOISE_OF_UNMEASURED
     driven = _change(jacobian, -motion.receptance[:, None] * force, force)
     covariance += driven @ np.swapaxes(driven, 1, 2)

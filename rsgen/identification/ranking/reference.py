@@ -25,11 +25,11 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
     FINITE_DIFFERENCE_STEP,
-    MAX_SHARE_OF_OUTLIERS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MAX_TRIAL_STEPS,
     MIN_MISFIT_REDUCTION,
     MIN_RELATIVE_SLOPE,
+    MIN_SHARE_PREDICTED,
     MISFIT_NEGLIGIBLE,
     OUTLIER_SIGMAS,
     START_HARMONICS,
@@ -50,7 +50,7 @@ from rsgen.identification.fitting.observed import (
     neighbour_power,
 )
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
-from rsgen.identification.misfit import even_findings, misfit_left_by, relative_misfit
+from rsgen.identification.misfit import even_findings, misfit_left_by
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
     PointBalance,
@@ -187,6 +187,10 @@ def _with_across(motion: ReferenceMotion, found: Fit) -> ReferenceMotion:
     return motion.with_across(measured, found.across, share, far)
 
 
+_TRIMMED_SHARE = 0.2
+"""Share of neighbours that is left out at both ends of a trimmed mean."""
+
+
 def _shared_misfit(found: Fit) -> float:
     """Return the root mean square of the relative misfit of the force that neighbours share, trimmed."""
     points = found.problem.observed.mode(found.background)
@@ -195,7 +199,7 @@ def _shared_misfit(found: Fit) -> float:
     common = np.sort((first * np.conj(second)).real)
     common = common[np.isfinite(common)]
     # near sticking the truncated balance of some points is far off for any law
-    trimmed = int(MAX_SHARE_OF_OUTLIERS * len(common))
+    trimmed = int(_TRIMMED_SHARE * len(common))
     common = common[trimmed : len(common) - trimmed]
     return float(np.sqrt(max(float(np.mean(common)), 0.0))) if len(common) else 0.0
 
@@ -210,7 +214,7 @@ def _enough(chosen: NDArray[np.intp], points: Points, law: ForceLaw, values: Arr
     """Return True if few points are lost, except those that dry friction nearly holds."""
     moving = ~nearly_held(points, law, values)
     moving[chosen] = True
-    needed = max((1 - MAX_SHARE_OF_OUTLIERS) * np.count_nonzero(moving), len(points) / 2)
+    needed = max(MIN_SHARE_PREDICTED * np.count_nonzero(moving), len(points) / 2)
     return len(chosen) >= needed
 
 
@@ -524,7 +528,7 @@ class PointTest(RankedTest):
         if not isinstance(current, PointRound):
             return None
         fit = self._fit_near(best, current)
-        others, misfit = fit_larger_backgrounds(fit, fit.regression.noise), relative_misfit(fit)
+        others, misfit = fit_larger_backgrounds(fit, fit.regression.sigma), fit.regression.rms_misfit
         leaves = {kind: misfit_left_by(fit, other, np.ones(1)) for kind, other in others.items()}
         # with noise no background halves the whole of a small misfit
         systematic = misfit**2 - current.noise**2
@@ -575,7 +579,7 @@ def _start_observed(
         fit_balance(*start_fit(Problem(law.elements, law.law, subsample, base.fixed)), order=START_HARMONICS)
         for law in laws
     ]
-    best = min(fits, key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
+    best = min(fits, key=lambda found: found.regression.sigma if found.mass > 0 else np.inf)
     if observed.points.phase_known:
         return observed, best.background
     place = best.regression.parameters

@@ -1,4 +1,7 @@
-"""Search of sums of terms: least squares of the whitened balance for every subset of the columns.
+"""Search of sums of terms: least squares of the whitened balance.
+
+All single terms and pairs are solved, then the best ``_BEAM_WIDTH`` sums of each size with one term more: the
+terms of the smaller sum keep the variants that were the best there.
 
 The rows of every term are evaluated once, with a few values of each parameter in which it is not linear;
 between these values the term is linearised. Products of all columns are formed once, so that every sum is the
@@ -73,7 +76,7 @@ class _TermVariants:
     values
         (variants, searched) values of these parameters.
     reach
-        (variants, searched) distance up to which the slope at each value is used: half way to the next value.
+        (variants, searched) distance up to which the slope at each value is used; see ``_reach``.
     columns, slopes
         (variants, linear), (variants, searched) numbers of the columns of the linear parameters, and of the
         slopes by the others; these belong to a last coefficient of one.
@@ -233,7 +236,7 @@ class _SumSearch:
 
 
 def _reach(values: Sequence[float], value: float) -> float:
-    """Return the distance up to which a slope is used: a little over half way to the next values."""
+    """Return the distance up to which a slope is used: 0.6 of that to the farther of two neighbours."""
     distances = sorted(abs(other - value) for other in values if other != value)[:2]
     return 0.6 * distances[-1] if distances else 0.1 * abs(value)
 

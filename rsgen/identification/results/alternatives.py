@@ -34,6 +34,7 @@ from rsgen.common.tolerances import (
     chi_square_exceeded,
     f_tail,
     interval_sigmas,
+    is_significant,
     normal_share,
 )
 from rsgen.data.oscillator import BACKGROUNDS
@@ -43,7 +44,10 @@ from rsgen.identification.fitting.points import Points
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alternative:
-    """Columns added to a fit: value, standard error, parameters' shift (q,), and its errors if asked."""
+    """Columns added to a fit: value, standard error, parameters' shift (q,), and its errors if asked.
+
+    A half of a test counts as one column: its gain is already that of the directions beyond noise alone.
+    """
 
     value: float
     error: float
@@ -55,6 +59,14 @@ class Alternative:
     def gain(self) -> float:
         """Decrease of the sum of squares, in units of the noise."""
         return (self.value / self.error) ** 2 if self.error > 0 else 0.0
+
+    @property
+    def weight(self) -> float:
+        """Weight of its shift: of one column its likelihood over the sum of both; of several, whose shifts
+        noise alone makes large, 1 where noise has such a gain less than once in twenty, else 0.
+        """
+        one = self.columns == 1
+        return 1 / (1 + exp(-self.gain / 2)) if one else float(self.exceeds(CHANCE_OF_ALTERNATIVE))
 
     def exceeds(self, chance: float) -> bool:
         """Return True if noise alone gives so many columns such a gain less often."""
@@ -124,13 +136,6 @@ Kinds = Mapping[str, Mapping[str, Alternative]]
 """Alternatives by kind and name."""
 
 
-def weight_of(one: Alternative) -> float:
-    """Return the weight of an alternative: of one column its likelihood over the sum of both; of several,
-    whose shifts noise alone makes large, 1 where noise has such a gain less than once in twenty, else 0.
-    """
-    return 1 / (1 + exp(-one.gain / 2)) if one.columns == 1 else float(one.exceeds(CHANCE_OF_ALTERNATIVE))
-
-
 def spread_between(others: Iterable[Alternative], values: Array, error: Array) -> Array:
     """Return the factors (q,), at least 1, by which alternatives widen standard errors.
 
@@ -144,7 +149,7 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     values, error
         (q,) parameters, and their standard errors by noise alone.
     """
-    shifts = [np.sqrt(weight_of(one)) * np.abs(one.shift[: len(values)]) for one in others]
+    shifts = [np.sqrt(one.weight) * np.abs(one.shift[: len(values)]) for one in others]
     moved = np.max([np.zeros(len(values)), *shifts], axis=0)
     # the misfit of exact data, and the shift by terms, are due to truncated waveforms
     known = np.isfinite(error) & (error > 0) & (moved > MISFIT_OF_NOISE * np.abs(values))
@@ -320,11 +325,11 @@ class Difference:
     error: Array
     spread: Alternative
 
-    def z(self, wider: Array | float = 1.0) -> float:
-        """Return the largest difference of a parameter in standard errors, these times factors (q,)."""
-        error = self.error * wider
-        good = error > 0
-        return float(np.max(np.abs(self.moved[good] / error[good]), initial=0.0))
+    @property
+    def z(self) -> float:
+        """Largest difference of a parameter in standard errors."""
+        good = self.error > 0
+        return float(np.max(np.abs(self.moved[good] / self.error[good]), initial=0.0))
 
 
 def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | None:
@@ -341,11 +346,11 @@ def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | No
     share, axes = share[both], axes[:, both]
     difference = (axes.T @ score) / share - (axes.T @ rest) / (1 - share)
     variance = 1 / share + 1 / (1 - share)
-    noise, directions = max(found.noise, 1e-300), len(share)
+    noise, directions = max(found.sigma, 1e-300), len(share)
     squares = difference**2 / variance / noise**2
     count = max(int(np.count_nonzero(found.used)), 1)
     step = found.basis @ axes
-    clear = squares > interval_sigmas() ** 2
+    clear = is_significant(difference, np.sqrt(variance) * noise)
     off = step @ np.where(clear, difference / np.sqrt(variance), 0.0)
     return Difference(
         f_tail(directions, found.freedom, float(np.sum(squares)) / directions),
@@ -439,12 +444,12 @@ class Agreement:
         wider = spread_between(halves.values(), whole.parameters, np.sqrt(np.diag(covariance)))
         if not disagreeing:
             return cls(wider, halves)
-        name, worst = max(disagreeing.items(), key=lambda item: item[1].z())
+        name, worst = max(disagreeing.items(), key=lambda item: item[1].z)
         size = max(one.size for one in disagreeing.values())
         finding = Finding(
             "parts-disagree",
             "doubt" if size > RELATIVE_CHANGE_NEGLIGIBLE else "warning",
-            numbers=quantities(z=worst.z(), size=size),
+            numbers=quantities(z=worst.z, size=size),
             names={"parts": name, **_levels_of(points, cuts[name], unit)},
         )
         return cls(wider, halves, (finding,))

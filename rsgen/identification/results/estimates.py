@@ -164,10 +164,7 @@ def state_parameters(
 
 def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str, Quantity]:
     """Return the largest amplitude [m] and the largest level of a test."""
-    return {
-        "amplitude": Quantity(float(amplitude.max()), "m"),
-        "level": Quantity(float(level.max()), level_unit),
-    }
+    return quantities("m", amplitude=amplitude.max()) | quantities(level_unit, level=level.max())
 
 
 def outcome_of(estimates: Sequence[Estimate], misfit: float, **counts: int) -> Finding:
@@ -359,7 +356,7 @@ class _Reasons:
         of the fit times the largest factor by which the stated error of a parameter is larger.
         """
         names, units, regression, force = self.names, self.units, self.regression, self.force
-        values, basis = regression.parameters, regression.basis * regression.noise
+        values, basis = regression.parameters, regression.basis * regression.sigma
         null = regression.null / regression.scale[:, None]
         own, stated = np.linalg.norm(basis, axis=1), np.sqrt(np.diag(regression.covariance))
         known = np.isfinite(stated) & (own > 0)
@@ -384,8 +381,8 @@ class _Reasons:
                     unit = str(read_unit(f"{unit}{sign}({other})").dimension) if unit and other else ""
                 off = interval_sigmas(regression.freedom) * wider * float(np.linalg.norm(slope @ basis))
                 value = float(form.subs({a: x, b: y}))
-                ends = {"combined": value, "low": value - off, "high": value + off}
-                numbers = {key: Quantity(end, "" if unit == "1" else unit) for key, end in ends.items()}
+                unit = "" if unit == "1" else unit
+                numbers = quantities(unit, combined=value, low=value - off, high=value + off)
                 return {"combination": write(form)}, numbers
         return {}, {}
 

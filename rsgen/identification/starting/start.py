@@ -23,11 +23,11 @@ from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
     MAX_ALTERNATIONS,
-    MAX_SHARE_OF_OUTLIERS,
     MAX_TRIAL_STEPS,
     MIN_NULL_COMPONENT,
     MIN_RELATIVE_SLOPE,
-    MISFIT_DOUBTFUL,
+    MIN_SHARE_PREDICTED,
+    MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     SAMPLES_PER_PERIOD,
@@ -123,14 +123,14 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     # errors are smaller there than at a trial that misses the points
     resolved = _at_resolution(_fit(frozen, resolved, MAX_TRIAL_STEPS), without, directions, uneven, count)
     # the misfit of exact data is that of few harmonics: further fits begin here without frozen parameters
-    noisy = without.regression.noise > MISFIT_OF_NOISE
+    noisy = without.regression.sigma > MISFIT_OF_NOISE
     return replace(problem, frozen=tuple(uneven) if noisy else problem.frozen), resolved
 
 
 def _at_resolution(small: Fit, without: Fit, directions: Array, uneven: Sequence[int], count: int) -> Array:
     """Return parameters with even forces of the size of their standard errors from ``count`` points."""
     # a trial that follows no point has no misfit, and resolves nothing
-    noise = without.regression.noise / (small.regression.noise or np.inf)
+    noise = without.regression.sigma / (small.regression.sigma or np.inf)
     variance = np.diag(small.regression.covariance) * noise**2 * len(small.force) / count
     start, place = without.regression.parameters, list(uneven)
     # p^2 is as uncertain everywhere: 2 p sigma_p is the same at any p
@@ -151,7 +151,7 @@ def records_even(problem: Problem) -> bool:
 def _cost(found: Fit) -> float:
     """Return the mean square misfit; infinite if too few of the points have a prediction."""
     misfit = found.regression.misfit[np.isfinite(found.regression.misfit)]
-    enough = len(misfit) > (1 - MAX_SHARE_OF_OUTLIERS) * len(found.force)
+    enough = len(misfit) > MIN_SHARE_PREDICTED * len(found.force)
     return float(np.mean(misfit**2)) if enough else np.inf
 
 
@@ -281,8 +281,8 @@ def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | 
     order = [*law.linear, len(values), *law.nonlinear]
     sorted_covariance = np.empty_like(covariance)
     sorted_covariance[np.ix_(order, order)] = covariance
-    misfit = float(np.sqrt(residual @ residual / max(len(right), 1)))
-    return Solution(values, float(solution[len(law.linear)]), sorted_covariance, freedom, misfit)
+    sigma = float(np.sqrt(residual @ residual / max(len(right), 1)))
+    return Solution(values, float(solution[len(law.linear)]), sorted_covariance, freedom, sigma)
 
 
 def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Array:
@@ -334,7 +334,7 @@ def _start_first_order(problem: Problem) -> Array:
         return trials[0]
     few = problem.select(observed.points.spread(SUBSAMPLE_POINTS))
     fits = [fit_balance(few, trial, order=START_HARMONICS, correct=False) for trial in trials]
-    return min(fits, key=lambda found: found.regression.noise).regression.parameters
+    return min(fits, key=lambda found: found.regression.sigma).regression.parameters
 
 
 def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
@@ -344,7 +344,7 @@ def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> 
     if not points.strong:
         return first
     measured = _linear_start(some, law, fixed, points.harmonics.shape[1] - 1)
-    return measured if measured.misfit < first.misfit else first
+    return measured if measured.sigma < first.sigma else first
 
 
 def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], order: int) -> Solution:
@@ -354,7 +354,7 @@ def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], ord
     for _ in range(3):
         solution = solve_equations(equations, law, fixed)
         misfit = point_misfit(replace(equations, weight=weight), law, solution)
-        typical = max(deviation_of_median(float(np.median(misfit))), MISFIT_DOUBTFUL)
+        typical = max(deviation_of_median(float(np.median(misfit))), MISFIT_EXPLAINED)
         factor = 1 / np.maximum(1.0, misfit / (_MAX_MISFIT_RATIO * typical)) ** 2
         if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
             break
@@ -378,7 +378,7 @@ def _start_backgrounds(problem: Problem) -> list[Array]:
     parameters = few.join(found.values, found.mass, np.append(phase, np.zeros(len(names) - 1)))
     trials = _place_neighbour(few, parameters) if "f_n" in names else [parameters]
     fits = [fit_balance(few, trial, order=1, correct=False) for trial in trials]
-    if min(found.regression.noise for found in fits) > MISFIT_DOUBTFUL and len(names) > 1:
+    if min(found.regression.rms_misfit for found in fits) > MISFIT_EXPLAINED and len(names) > 1:
         fits += _fit_with_linear_backgrounds(few)
     return [found.background for found in fits]
 
@@ -436,7 +436,7 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
     for neighbour in neighbours(problem.observed.background.band, begun.mass):
         trial = np.concatenate([begun.regression.parameters, neighbour])
         fits.append(fit_balance(problem, trial, order=1, steps=MAX_TRIAL_STEPS, exclude=False, correct=False))
-    fits.sort(key=lambda found: found.regression.noise if found.mass > 0 else np.inf)
+    fits.sort(key=lambda found: found.regression.sigma if found.mass > 0 else np.inf)
     return [problem.join(begun.values, begun.mass, found.background) for found in fits[:STARTS]]
 
 
@@ -452,7 +452,7 @@ def _best_phase(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> tu
     """Try phase errors [rad] around the circle; return the one of least misfit, and the solution there."""
     phases = (2 * np.pi * np.arange(_GRID_SIZE) / _GRID_SIZE - np.pi).tolist()
     trials = [(phase, _solve_turned(points, law, fixed, phase)) for phase in phases]
-    return min(trials, key=lambda trial: trial[1].misfit if trial[1].mass > 0 else np.inf)
+    return min(trials, key=lambda trial: trial[1].sigma if trial[1].mass > 0 else np.inf)
 
 
 def _solve_turned(points: Points, law: ForceLaw, fixed: Mapping[str, float], psi: float) -> Solution:
