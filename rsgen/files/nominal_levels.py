@@ -345,8 +345,7 @@ def runs_of_one_level(runs: Iterable[tuple[str, float, float]], unit: str) -> li
     """
     for (first, level, low), (second, other, high) in combinations(sorted(runs, key=itemgetter(2)), 2):
         if level == other and high > LEVEL_TOLERANCE * low:
-            amounts = {"level": level, "low": low, "high": high}
-            numbers = {name: Quantity(amount, unit) for name, amount in amounts.items()}
+            numbers = quantities(unit, level=level, low=low, high=high)
             names = {"first": first, "second": second}
             return [Finding("levels-disagree", "doubt", numbers=numbers, names=names)]
     return []

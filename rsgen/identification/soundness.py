@@ -393,12 +393,8 @@ def _negative(size: Array, value: Array, spread: Array, unit: str, least: Array 
     share = float(np.mean(wrong))
     if not share > MAX_SHARE_OF_OUTLIERS_BY_CHANCE:
         return {}
-    return {
-        "least": Quantity(float(value[wrong].min()), unit),
-        "low": Quantity(float(size[wrong].min()), "m"),
-        "high": Quantity(float(size[wrong].max()), "m"),
-        "share": Quantity(share),
-    }
+    numbers = quantities(least=Quantity(float(value[wrong].min()), unit), share=share)
+    return numbers | quantities("m", low=size[wrong].min(), high=size[wrong].max())
 
 
 _MAX_NOISE_SHARE = 0.2
