@@ -445,9 +445,9 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
         if not (estimate.identifiable and abs(share) > RELATIVE_CHANGE_NEGLIGIBLE):
             continue
         names = dict[str, str]()
-        if series.coeff(x, 3) == symbol(estimate.name):
+        if series.coeff(x, 3) == symbol(estimate.name) and (linear := series.coeff(x, 1)):
             spring = float(problem.law.still(np.zeros(1), fit.values).by_x[0])
-            combined = write(symbol("k2") ** 2 / series.coeff(x, 1))
+            combined = write(symbol("k2") ** 2 / linear)
             names = {"determined": f"{estimate.name} - {-change * spring / k2**2:.3g}*{combined}"}
         numbers = quantities(even=EVEN_SHARE, amplitude=Quantity(largest, "m"), moved=share)
         found.append(Finding("even-terms-not-seen", "info", estimate.name, numbers, names))

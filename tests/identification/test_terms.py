@@ -51,6 +51,16 @@ def test_what_fundamentals_do_not_show_is_said_with_what_it_moves():
     assert "even-terms-not-seen" not in codes
 
 
+def test_what_fundamentals_do_not_show_is_said_of_a_spring_without_a_linear_term():
+    """Then k3 - k2**2/k has no k to name; it ended with "'zoo' is not in the language of formulas"."""
+    values = {"k": TRUE["k"], "c": TRUE["c"], "k3": 4.0e6, "a": 20.0}
+    law = "k*sin(a*x)/a + c*v + k3*x**3"
+    whole = measured(law, values, [0.4, 0.8, 1.2, 1.6])
+    points = whole.level, whole.frequency, whole.force, whole.harmonics[:, 1]
+    found = rs.identify(rs.ResponseSurface(*points), law)
+    assert found["k"].value == pytest.approx(TRUE["k"], rel=0.01)
+
+
 def test_an_alternative_is_what_a_fit_with_it_finds():
     """Values of an alternative are those of the law with the term; errors are those of unequal noise."""
     law = f"{LAW} + c3*v**3"

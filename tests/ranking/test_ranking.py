@@ -194,6 +194,40 @@ def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, fou
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("k2", "k3", "first", "named"), [
+    # its fundamentals are those of a softening spring
+    (6e4, 0, "quadratic-spring", ""),
+    # nearly those of a quintic spring and a pendulum
+    (1.05e5, 0, "quadratic-spring", ""),
+    (6e4, -7.5e5, "cubic-spring + quadratic-spring", ""),
+    # a linear spring as far as k3 - 10/9 k2^2/k tells, but for its higher orders
+    (6e4, 7.5e5, "cubic-spring + quadratic-spring", ""),
+    (3e4, -7.5e5, "cubic-spring", "cubic-spring + quadratic-spring"),
+    (0, 1.5e6, "cubic-spring", "cubic-spring + quadratic-spring"),
+])  # fmt: skip
+def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, first, named) -> None:
+    """It has no fundamental along a motion without a mean: odd laws stood first, and nothing said why."""
+    oscillator = rsgen.Oscillator(
+        1.5, "k*x + c*v + k2*x**2 + k3*x**3", {"k": 6e3, "c": 4.0, "k2": k2, "k3": k3}
+    )
+    plan = rsgen.SimulatedTest(
+        [1.25, 2.5, 3.75, 5], np.linspace(8.5, 11.5, 40), harmonics=1, noise_relative=3e-3, seed=1
+    )
+    table = rsgen.simulate(oscillator, plan)
+    ranking = rank(changed(table, harmonics=table.harmonics * [np.nan, 1]))
+    assert ranking.candidates[0].name == first
+    (best_law,) = (f for f in ranking.findings if f.code == "law-fits-best")
+    said = {f.parameter: f.names["determined"] for f in ranking.findings if f.code == "even-terms-not-seen"}
+    assert list(said) == (["k3"] if named else [])
+    if named:
+        assert named in best_law.names["tied"].split(", ")
+        assert said["k3"].endswith("*k2**2/k")
+        assert ranking.best.findings.count(best_law) == 1
+    else:
+        assert abs(ranking.best["k2"].value) == pytest.approx(k2, rel=0.2)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["hysteresis", pytest.param("two modes", marks=pytest.mark.thorough)])
 def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []

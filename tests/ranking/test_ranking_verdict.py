@@ -360,14 +360,18 @@ def test_the_verdict_of_a_ranking_is_that_of_its_best_law() -> None:
 
 
 def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() -> None:
-    names = ("cubic-spring", "joint-polynomial", "odd-power-spring", "cubic-spring + quintic-spring")
+    names = (
+        "cubic-spring", "joint-polynomial", "odd-power-spring", "cubic-spring + quintic-spring",
+        "cubic-spring + quadratic-spring", "quadratic-spring + odd-power-spring",
+    )  # fmt: skip
     tied = [Candidate(name, "", 4, np.nan, 0.0, True, {}) for name in names]
-    rows = type("Rows", (tuple,), {"sensors": ""})(range(90))
-    current: Any = SimpleNamespace(counted="points", rows=rows, noise=0.0067)
-    # a law that contains it ties with it, too, and is not named
-    for sure in (True, False):
-        best = sentence(_best_law_finding(tied, current, known=True, sure=sure))
-        assert best.endswith("; this test does not separate it from: odd-power-spring")
+    # a law that contains it ties with it, too, and is not named, unless fundamentals alone do not show it
+    for odd_alone, named in ((False, ""), (True, ", cubic-spring + quadratic-spring")):
+        rows = type("Rows", (tuple,), {"sensors": "", "odd_alone": odd_alone})(range(90))
+        current: Any = SimpleNamespace(counted="points", rows=rows, noise=0.0067)
+        for sure in (True, False):
+            best = sentence(_best_law_finding(tied, current, known=True, sure=sure))
+            assert best.endswith(f"; this test does not separate it from: odd-power-spring{named}")
 
 
 def test_a_gap_on_both_sides_is_told_from_a_stop_on_one_by_their_own_motions():

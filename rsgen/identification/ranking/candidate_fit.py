@@ -33,6 +33,9 @@ from rsgen.law.numeric import ForceLaw, compile_law
 _MIN_STATIC_STIFFNESS = 0.05
 """Mean stiffness of a law, relative to the inertia that it balances. Rubber isolators keep a tenth."""
 
+STRONG_EVIDENCE = 6.0
+"""Difference of BIC (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
+
 POINT_STRIDE = 7
 """Every so-many-th point suffices for means and largest values of a force."""
 
@@ -324,9 +327,12 @@ class Round(ABC):
         """Exclude a few points that a law misses by far; None where there are none."""
         return None
 
-    def leader_of(self, other: Round) -> CandidateFit:
-        """Return the leader of another round in units of the noise of this one; large at lost points."""
-        return other.leader
+    def leader_of(self, other: Round) -> tuple[CandidateFit, bool]:
+        """Return the leader of another round in units of the noise of this one; large at lost points.
+
+        With whether its motion is that of its values; those of an even force are else of the motion.
+        """
+        return other.leader, True
 
     @abstractmethod
     def relative(self, residual: Array) -> float:

@@ -36,7 +36,13 @@ from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.misfit import CODES_OF_RESPONSE
 from rsgen.identification.ranking.balance import WhitenedBalance
-from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, RankedTest, Round
+from rsgen.identification.ranking.candidate_fit import (
+    STRONG_EVIDENCE,
+    CandidateFit,
+    CandidateLaw,
+    RankedTest,
+    Round,
+)
 from rsgen.identification.ranking.library_sums import Term, terms_of, whole_name
 from rsgen.identification.ranking.ranking_result import (
     OWN,
@@ -47,13 +53,10 @@ from rsgen.identification.ranking.ranking_result import (
 )
 from rsgen.identification.ranking.records import RecordTest
 from rsgen.identification.ranking.reference import PointTest
-from rsgen.identification.ranking.selection import Candidates, competitors, law_text
+from rsgen.identification.ranking.selection import Candidates, competitors, hides_even, law_text
 from rsgen.identification.results import Identification
 from rsgen.law.element import LawLike
 from rsgen.law.memory import refuse_free_powers
-
-_STRONG_EVIDENCE = 6.0
-"""Difference of BIC (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
 
 _LEADERS = 3
 """Best candidates of a round whose motion may be the reference, and that compete in the next round."""
@@ -282,7 +285,7 @@ def order_candidates(
     ]
     lowest = min(value for value, last in zip(bic, overfitted, strict=True) if not last)
     tied = [
-        value - lowest < _STRONG_EVIDENCE and not last for value, last in zip(bic, overfitted, strict=True)
+        value - lowest < STRONG_EVIDENCE and not last for value, last in zip(bic, overfitted, strict=True)
     ]
 
     best = min(np.flatnonzero(tied).tolist(), key=lambda i: (count[i], bic[i]))
@@ -311,7 +314,7 @@ def _ranking(
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
     bic = [fit.bic() for fit in candidates]
     if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED:
-        bic = _compare_along_own(test, current, candidates)
+        bic = _compare_along_own(test, current, candidates, given)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     count = [len(fit.candidate.values) for fit in candidates]
     fault: RsgenError | None = None
@@ -339,7 +342,9 @@ def _ranking(
             found, fault = None, refused
             break
         identified[number] = found
-        undetermined = [one.name for one in found if one.finding is not None]
+        # fundamentals determine an even force and a cubic one together, neither by itself
+        together = test.first.odd_alone and best.candidate.law.even
+        undetermined = [one.name for one in found if one.finding is not None and not together]
         before = bic[number]
         less = min(
             (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, undetermined)),
@@ -353,9 +358,7 @@ def _ranking(
             break
         # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain
         for i, fit in enumerate(candidates):
-            if fit is best or (
-                before - bic[i] < _STRONG_EVIDENCE and _lacks(best, fit, fit.candidate.values)
-            ):
+            if fit is best or (before - bic[i] < STRONG_EVIDENCE and _lacks(best, fit, fit.candidate.values)):
                 bic[i] = max(bic[i], less)
     if many is not None and found is not None:
         try:
@@ -373,7 +376,7 @@ def _ranking(
     doubts = [
         f
         for f in (found.findings if found else surface.findings)
-        if f.severity in ("doubt", "error") or f.code == "law-does-not-fit"
+        if f.severity in ("doubt", "error") or f.code in ("law-does-not-fit", "even-terms-not-seen")
     ]
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
@@ -459,13 +462,17 @@ def _naming(findings: tuple[Finding, ...], kind: str, name: str, missing: Findin
     )
 
 
-def _compare_along_own(test: RankedTest, current: Round, candidates: list[CandidateFit]) -> list[float]:
+def _compare_along_own(
+    test: RankedTest, current: Round, candidates: list[CandidateFit], given: Sequence[str]
+) -> list[float]:
     """Fit laws with another mean than the law of the motion along their own motions, in place; return BIC.
 
     Along a motion without a mean a law is compared by its odd part: a stop on one side is one on both sides
     of half the stiffness. So compared are the best odd and the best other law for each number of parameters,
     up to one more than that of the law of the motion, and the simplest that tie with this; what others gain
-    along it counts for nothing.
+    along it counts for nothing. Of an even force, as of a quadratic spring, nothing is left there: whatever
+    else explains the test, this may, too. It is compared alone and with a cubic spring, and where neither
+    ties in place of a law of the motion.
     """
     leader = current.leader.candidate
     laws, bic = [fit.candidate for fit in candidates], [fit.bic() for fit in candidates]
@@ -475,19 +482,33 @@ def _compare_along_own(test: RankedTest, current: Round, candidates: list[Candid
     first = {kind[i]: i for i in sorted(kind, key=lambda i: -bic[i]) if kind[i][0] <= len(leader.values) + 1}
     for i in kind:
         bic[i] = max(bic[i], least)
-    near = sorted((i for i in kind if bic[i] < least + _STRONG_EVIDENCE), key=lambda i: (kind[i], bic[i]))
+    near = sorted((i for i in kind if bic[i] < least + STRONG_EVIDENCE), key=lambda i: (kind[i], bic[i]))
     # the law of the motion, too, may be far from its own: its motion is that of values before this round
     moved = [i for i, law in enumerate(laws) if same[i] and not law.law.odd]
-    for i in {*first.values(), *near[:_LEADERS], *moved}:
-        fits, law = list[CandidateFit](), laws[i]
+    even = [i for i in kind if laws[i].law.even]
+    alone = [i for i in even if laws[i].name in given or hides_even(laws[i].name)]
+    alone.sort(key=lambda i: -len(laws[i].values))
+    partners = [i for i in even if i not in alone and hides_even(laws[i].name, leader.name)]
+    lost = set[int]()
+    for i in [*({*first.values(), *near[:_LEADERS], *moved} - set(even)), *alone, *partners]:
+        if i in partners and min((bic[j] for j in alone), default=np.inf) < least + STRONG_EVIDENCE:
+            break
+        if i in lost:
+            continue
+        fits, law, settled = list[CandidateFit](), laws[i], False
         # a few steps lead from one mean to another; where they end is known if they stay there
-        while len(fits) < 2 and (own := test.along(law, current)) is not None:
+        while len(fits) < 1 + (i not in even) and (own := test.along(law, current)) is not None:
             law = own.leader.candidate
-            fits.append(current.leader_of(own))
+            fit, settled = current.leader_of(own)
+            fits.append(fit)
         ends = [fit.bic() for fit in fits]
-        stays = len(ends) == 2 and abs(ends[1] - ends[0]) < _STRONG_EVIDENCE
+        stays = len(ends) == 2 and abs(ends[1] - ends[0]) < STRONG_EVIDENCE
         if stays or min(ends, default=np.inf) < bic[i]:
             bic[i], candidates[i] = min(ends), fits[int(np.argmin(ends))]
+        if i in alone and settled:
+            # what lacks a term leaves no less
+            small = (j for j in alone if _lacks(candidates[j], fit, fit.candidate.values))
+            lost |= {j for j in small if replace(fit, candidate=laws[j]).bic() > least + STRONG_EVIDENCE}
     return bic
 
 

@@ -372,8 +372,18 @@ def _best_law_finding(
     # as the joint polynomial contains the cubic spring, a law of the library may contain another
     terms = {term.name: sympy.Add.make_args(term.source.added) for term in library_terms()}
     parts = {name: {part for law in name.split(" + ") for part in terms.get(law, (law,))} for name in tied}
-    # a sum that contains another tied law is not named
-    other = [name for name in tied[1:] if not any(parts[less] < parts[name] for less in tied)]
+    even = {part for term in library_terms() if term.law.even for part in terms[term.name]}
+    # a sum that contains another tied law is not named, but for an even force, which a cubic spring imitates
+    hides = current.rows.odd_alone
+    other = [
+        name
+        for name in tied[1:]
+        if not any(
+            parts[less] < parts[name]
+            and not (hides and less == "cubic-spring" and parts[name] - parts[less] <= even)
+            for less in tied
+        )
+    ]
     law |= {"left": "systematic"} if sure and systematic else {}
     law |= {"tied": listed([label[name] for name in other])} if other else {}
     return Finding("law-fits-best" if sure else "law-nearest", "info", numbers=numbers, names=law)

@@ -60,6 +60,7 @@ from rsgen.identification.ranking.balance import (
     whiten_balance,
 )
 from rsgen.identification.ranking.candidate_fit import (
+    STRONG_EVIDENCE,
     CandidateFit,
     CandidateLaw,
     Misfit,
@@ -72,7 +73,7 @@ from rsgen.identification.ranking.candidate_fit import (
 from rsgen.identification.ranking.library_sums import surrogates
 from rsgen.identification.soundness import exclusion_findings, held_finding, held_points, nearly_held
 from rsgen.identification.starting.equations import Equations
-from rsgen.identification.starting.start import solve_equations, start_fit
+from rsgen.identification.starting.start import records_even, solve_equations, start_even_forces, start_fit
 from rsgen.identification.terms import fit_larger_backgrounds, fit_near, simplest_background
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
@@ -151,6 +152,8 @@ def fit_reference_motion(
     values = law.ordered(best.values)
     problem = Problem(best.elements, law, observed, fixed)
     place = problem.join(values, best.values["m"], best.background)
+    if law.even and not records_even(problem):
+        problem, place = start_even_forces(problem, place)
     found = fit_balance(problem, place, order=BALANCE_HARMONICS, exclude=False, steps=MAX_TRIAL_STEPS)
     found = replace(found, problem=replace(problem, observed=_with_phases(found)))
     simulated = law.rough and not law.acts_across and found.mass > 0
@@ -408,10 +411,19 @@ class PointRound(Round):
         reference = self.reference.select(inside)
         return replace(self, reference=reference, rows=self.rows.select(inside), leader=leader)
 
-    def leader_of(self, other: Round) -> CandidateFit:
-        """Return the leader of another round in units of the noise of this one; large at lost points."""
+    def leader_of(self, other: Round) -> tuple[CandidateFit, bool]:
+        """Return the leader of another round in units of the noise of this one; large at lost points.
+
+        With whether its motion is that of its values; those of an even force are else of the motion.
+        """
         if not isinstance(other, PointRound):
-            return other.leader
+            return other.leader, True
+        fit, settled, values = other.leader, True, other.reference.parameters
+        if other.reference.law.even:
+            # a linear step gains in vain where the square of the force would have to be negative
+            held = fit_candidate(replace(fit.candidate, values=values), other.rows, values)
+            settled = held.chi_squared < fit.chi_squared + STRONG_EVIDENCE
+            fit = fit if settled else held
         mine, theirs = self.reference.chosen, other.reference.chosen
         count = min(len(self.noises), len(other.noises))
         ratio = np.repeat(other.noises[:count] / self.noises[:count], 2)[1:]
@@ -423,9 +435,9 @@ class PointRound(Round):
             moved[~inside] = 1 / self.noise
             return moved
 
-        fit = other.leader
         residual, held_out = move(fit.residual), move(fit.held_out_residual)
-        return replace(fit, residual=residual, held_out_residual=held_out, compared=self.rows.compared)
+        moved = replace(fit, residual=residual, held_out_residual=held_out, compared=self.rows.compared)
+        return moved, settled
 
     def relative(self, residual: Array) -> float:
         """Return the root mean square of the compared rows of a residual, relative to force and response."""

@@ -357,7 +357,10 @@ class Candidates:
             plain = _shortlist([trial for trial in trials if not trial.remembers], *_SHORTLIST)
             loops = _shortlist([trial for trial in trials if trial.remembers], *_SHORTLIST_WITH_MEMORY)
             refused = [trial for trial in trials if not np.isfinite(trial.bic)]
-            candidates += [_candidate_of(trial, rows, self.fixed) for trial in (*plain, *loops, *refused)]
+            leader = known[0].candidate.name if rows.odd_alone and known else ""
+            hidden = [trial for trial in trials if leader and hides_even(trial.law.name, leader)]
+            chosen = (*plain, *loops, *refused, *hidden)
+            candidates += [_candidate_of(trial, rows, self.fixed) for trial in chosen]
         again = [fit.candidate for fit in known]
         return list({_term_names(candidate.name): candidate for candidate in (*again, *candidates)}.values())
 
@@ -453,6 +456,17 @@ def _shortlist(trials: Sequence[SumFit], most: int, alone: int) -> list[SumFit]:
     """Return the first ``most`` sums, with at least the first ``alone`` single laws among them."""
     single = [trial for trial in trials if len(trial.law.terms) <= 1][:alone]
     return [trial for trial in trials if trial not in single][: most - len(single)] + single
+
+
+def hides_even(name: str, leader: str = "") -> bool:
+    """Return True for a sum with an even force, which has no fundamental along a motion without a mean.
+
+    The force is alone, with a cubic spring, which it imitates, or in place of a law of the ``leader``.
+    """
+    even = {term.name for term in library_terms() if term.law.even}
+    names = _term_names(name)
+    others = names - even
+    return bool(names & even) and (others <= {"cubic-spring"} or others < _term_names(leader))
 
 
 def _term_names(name: str) -> frozenset[str]:
