@@ -314,3 +314,24 @@ def test_a_curve_has_the_phase_error_of_the_test_once(linear):
     omega = 2 * np.pi * curve.frequency
     lag = np.angle(5920 - 1.5 * omega**2 + 3.8j * omega) - psi
     assert np.abs(np.exp(1j * (curve.phase - lag)) - 1).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["jump", "outlier"])
+def test_a_point_that_jumps_late_is_named_and_no_warning(kind):
+    law = "k*x + k3*x**3 + c*v"
+    oscillator = Oscillator(2.0, (make_element("all", law),), {"k": 2e4, "k3": 3e9, "c": 12.0})
+    plan = SimulatedTest([1.0, 2.0, 3.0], np.linspace(13, 22, 46), noise_relative=0.005, sweep="up")
+    test = simulate(oscillator, plan)
+    harmonics, rows = test.harmonics.copy(), np.flatnonzero(test.level == 3.0)
+    last = rows[np.argmax(-np.diff(np.abs(harmonics[rows, 1])))]
+    # beyond its fold, or off on both sides
+    row = last + 1 if kind == "jump" else last - 8
+    harmonics[row] = 1.03 * harmonics[last] if kind == "jump" else 2 * harmonics[row]
+    test, at = replace(test, harmonics=harmonics), f"(3 N at {test.frequency[row]:.5g} Hz)"
+    (all_fitted,) = (f for f in identify(test, law).findings if f.code == "points-excluded")
+    held = identify(test, law, Observation(hold_out=(3.0,)))
+    (missing,) = (f for f in held.findings if f.code == "held-out-points-missing")
+    assert {all_fitted.severity, missing.severity} == {"info" if kind == "jump" else "warning"}
+    assert f"1 of 138 points {at} were excluded" in sentence(all_fitted)
+    assert (f"lie at a jump {at}" in sentence(missing)) == (kind == "jump")
+    assert held.held_out[0].error < 0.01

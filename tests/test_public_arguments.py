@@ -83,7 +83,7 @@ def test_every_result_prints_in_few_lines():
 
 
 @pytest.mark.parametrize(("values", "said"), [
-    ({"hold_out": "all"}, "hold_out: levels in N: 'all'"), ({"hold_out": ["a"]}, "hold_out: levels in N"),
+    ({"hold_out": "all"}, "hold_out: levels: 'all'"), ({"hold_out": ["a"]}, "hold_out: levels: \\['a'\\]"),
     ({"band": "9 Hz"}, "band: two frequencies in Hz"),
     ({"band": (1, 2, 3)}, "band: two frequencies in Hz"), ({"band": 9}, "band: two frequencies in Hz"),
     ({"band": (5.0, 4.0)}, "ascending"), ({"background": "smooth"}, "background"),

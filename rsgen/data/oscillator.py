@@ -85,7 +85,7 @@ class Observation:
     )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hold_out", _numbers(self.hold_out, "hold_out: levels in N"))
+        object.__setattr__(self, "hold_out", _numbers(self.hold_out, "hold_out: levels"))
         if self.band is not None:
             object.__setattr__(self, "band", _numbers(self.band, "band: two frequencies in Hz", 2))
         if self.background is None:

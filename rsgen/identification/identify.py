@@ -47,7 +47,7 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.judge import judge, prepare
-from rsgen.identification.misfit import law_misses
+from rsgen.identification.misfit import is_misread, law_misses
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
 from rsgen.identification.results import Identification, changed
 from rsgen.identification.soundness import (
@@ -76,6 +76,9 @@ the finer serves where the misfit turns out to be as small."""
 
 _SAME_VALUE = 0.1
 """Standard errors that harmonics left out may move a value: the simulator is not asked for less."""
+
+_STEPS_IF_MISREAD = 5
+"""Steps of the fit where a misreading of the channels explains the test better than any law."""
 
 _RESOLVED = 100.0
 """A misfit this many times the simulator's accuracy is not the simulator's."""
@@ -302,14 +305,17 @@ def identify_points(
     The simulator is not asked for less than the misfit ``attained``, relative to force and response. On
     ``most`` points, if it is not 0, levels are not predicted.
     """
-    surface = as_fitted(surface)
-    if surface.per_mass and surface.base and not any(f.code == "base-misread" for f in surface.findings):
-        # files were checked when they were read, arrays were not
-        misread = base_findings(surface, absolute=False, senses=False)
-        surface = replace(surface, findings=(*surface.findings, *misread))
-    surface, model = per_unit_mass(surface, model)
+    surface, model = per_unit_mass(as_fitted(checked(surface)), model)
     found = _identify(surface, model, attained, most)
     return found if most else _with_held_out(found, predict_held_out, found, surface)
+
+
+def checked(surface: ResponseSurface) -> ResponseSurface:
+    """Return a test whose base is checked: those of files were when they were read, arrays were not."""
+    if surface.per_mass and surface.base and not is_misread(surface):
+        misread = base_findings(surface, absolute=False, senses=False)
+        surface = replace(surface, findings=(*surface.findings, *misread))
+    return surface
 
 
 def _identify(surface: ResponseSurface, model: Model, attained: float, most: int) -> Identification:
@@ -323,7 +329,9 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
     if held.any() and np.count_nonzero(~held) > problem.count:
         findings = [held_finding(problem.observed.points, held, surface.units.of("N"))]
         problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))
-    fit = fit_all_harmonics(problem, start, attained)
+    # where no law fits refining one has no end
+    coarse = partial(fit_balance, order=BALANCE_HARMONICS, steps=_STEPS_IF_MISREAD)
+    fit = coarse(problem, start) if is_misread(surface) else fit_all_harmonics(problem, start, attained)
     late = fit.passed_late
     if late.any():
         fit = fit_all_harmonics(problem.select(np.flatnonzero(~late)), fit.regression.parameters, attained)

@@ -53,6 +53,7 @@ from rsgen.identification.misfit import (
     consequences,
     even_findings,
     explain_hidden,
+    is_misread,
     mirror_findings,
     misfit_findings,
     stop_findings,
@@ -320,14 +321,14 @@ class Findings:
         found = list(of_parameters)
         found += of_one_mode(self.surface.findings, self.points, self.fit.regression.rms_misfit)
         found += self.surface.limits
-        misread = any(f.code == "base-misread" for f in self.surface.findings)
+        misread = is_misread(self.surface)
         if self.fit.problem.observed.mode(self.fit.background).feed_exciter and not misread:
             found.append(Finding("structure-feeds-exciter", "error"))
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
         found += self._exclusions()
         found += limit_findings(self.surface.findings, self.fit)
-        if not self.fit.regression.converged:
+        if not (self.fit.regression.converged or misread):
             # where the steps ended says nothing of the best values, nor do the errors there
             found.append(Finding("not-converged", "doubt"))
         others = self.errors.others

@@ -34,6 +34,7 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
     interval_sigmas,
 )
+from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.names import symbol
@@ -78,6 +79,11 @@ _GAIN_WORTH_A_FIT = 0.1
 def law_misses(fit: Fit) -> bool:
     """Return True if a misfit is systematic and above a hundredth, so that intervals are too narrow."""
     return fit.systematic and fit.regression.rms_misfit > MISFIT_DOUBTFUL_WITH_PATTERN
+
+
+def is_misread(test: ResponseSurface | MultisineSpectra) -> bool:
+    """Return True if channels of a driven base were misread, so that no law is to be refined."""
+    return any(finding.code == "base-misread" for finding in test.findings)
 
 
 def misfit_findings(

@@ -53,6 +53,9 @@ _MAX_EXCLUDED_SHARE = 0.75 * MAX_SHARE_OF_OUTLIERS
 _MAX_SINGLE_EXCLUDED = 3
 """Excluded points that may be single drop-outs of a small test."""
 
+_JUMP, _JUMP_TO_STEPS = 1.5, 2.0
+"""Least ratio of the motions on both sides of a jump, and of its logarithm to that of other neighbours."""
+
 _MIN_EXCLUDED_NEIGHBOURS = 5
 """Excluded neighbours from which on a piece of a run disagrees; fewer are an early jump."""
 
@@ -131,7 +134,12 @@ def exclusion_findings(
     count = int(np.count_nonzero(excluded))
     limits = MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE
     severity = severity_of(count / len(points), *limits) if count > _MAX_SINGLE_EXCLUDED else "warning"
-    found = [Finding("points-excluded", severity, numbers=numbers)]
+    names = dict[str, str]()
+    if 0 < count == numbers["excluded"].value <= _MAX_SINGLE_EXCLUDED and not decays:
+        where = points_at(points.level[excluded], points.omega[excluded] / 2 / np.pi, level_unit)
+        jump = all(at_jump(points.amplitude[rows], excluded[rows]) for rows in points.runs)
+        severity, names = ("info", {"jump": where}) if jump else (severity, {"where": where})
+    found = [Finding("points-excluded", severity, numbers=numbers, names=names)]
     for rows in points.runs:
         first, longest = _longest(excluded[rows])
         lost = int(np.count_nonzero(excluded[rows]))
@@ -144,6 +152,21 @@ def exclusion_findings(
             data["level"] = Quantity(float(points.level[rows[0]]), level_unit)
             found.append(Finding("points-excluded", "doubt", numbers=data))
     return found
+
+
+def at_jump(amplitude: Array, missed: NDArray[np.bool_]) -> bool:
+    """Return True if missed points (n,) of a run, by frequency, are next to its jump; an outlier has two."""
+    if not missed.any() or missed[0] or missed[-1]:
+        return not missed.any()
+    steps = np.abs(np.diff(np.log(amplitude)))
+    at = int(np.argmax(steps))
+    jumps = steps[at] > max(np.log(_JUMP), _JUMP_TO_STEPS * np.delete(steps, at).max())
+    return bool(jumps and missed.sum() == missed[at : at + 2].sum())
+
+
+def points_at(level: Array, frequency: Array, unit: str) -> str:
+    """Return where a few points (n,) are, as findings name them."""
+    return "; ".join(f"{one:.4g} {unit} at {at:.5g} Hz" for one, at in zip(level, frequency, strict=True))
 
 
 def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:

@@ -94,10 +94,10 @@ def write_report(
     durations: Mapping[str, float] | None = None,
     command: Sequence[str] = (),
     figures: str | None = None,
-) -> None:
+) -> Path:
     """Write surface.h5, kernel.py, modal.csv, result.json and report.html; with a case also a notebook.
 
-    Of a multisine ``surface`` are its spectra, which go into spectra.npz.
+    The path of the page is returned. Of a multisine ``surface`` are its spectra, which go into spectra.npz.
 
     Parameters
     ----------
@@ -171,6 +171,7 @@ def write_report(
             held_out=not shown.isdisjoint({"held-out", "predicted-record"}),
             loops="loops" in shown,
         )
+    return place / "report.html"
 
 
 def check_printed(subject: Subject, identification: Identification) -> tuple[PrintedComparison, ...]:

@@ -46,6 +46,7 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
 
 @pytest.mark.parametrize(("times", "said"), [
     (2.0, "factor of 2, as"), (1000.0, "of 1000, as g from kg"), (2.2046, "pounds"), (3.0, "response; or"),
+    (39.478, "rad/s read as Hz"),
 ])  # fmt: skip
 def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
     asked = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAWS["cubic"][0], mass=times * MASS)
@@ -54,6 +55,11 @@ def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
     assert said in next_step(found)
     assert asked.verdict.state == "rejected"
     assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree", "not-converged"}
+
+
+def test_on_a_driven_base_no_mass_is_to_be_weighed():
+    said = fixed_contradicted("m", 2.0, 1.0, misfit=0.2, left=0.1, times=9.0)
+    assert "weigh a mass, but of a driven base" in next_step(said)
 
 
 def test_the_sign_of_a_channel_is_named_and_no_negative_mass_in_place_of_a_given_one():

@@ -1,5 +1,6 @@
 """Mistakes in reading a driven base: each is named by what it breaks, whatever the law."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -135,3 +136,45 @@ def test_a_number_before_g_in_a_name_is_an_acceleration_of_the_base(tmp_path, qu
         tmp_path / "run_2g.csv", 1, None, Channel(amplitude=3), "displacement", level=level, base=base
     )
     assert test.factor("level") == pytest.approx(size)
+
+
+def shaken(friction: float) -> rs.ResponseSurface:
+    """A hardening spring; from 0.8 N on friction holds the mass off resonance at the lowest level."""
+    law = "k*x + k3*x**3 + c*v + Ff*sign(v)"
+    oscillator = rs.Oscillator(2.0, law, {"k": 2e4, "k3": 3e9, "c": 4.0, "Ff": friction})
+    frequency = np.linspace(13, 22, 31)
+    test = rs.simulate(
+        oscillator, rs.SimulatedTest([0.5, 1, 2], frequency, base="acceleration", noise_relative=0.01)
+    )
+    return test.select(test.settled)
+
+
+@pytest.mark.parametrize("friction", [0.25, 0.7, 1.1])
+def test_beside_friction_misread_channels_are_named(friction):
+    right = shaken(friction)
+    response, base = right.harmonics[:, 1], right.force / right.omega**2
+    read = {
+        "": right,
+        "reference": replace(right, harmonics=np.stack([0 * response, response + base], 1)),
+        "sign": replace(right, force=-right.force),
+        "milli": replace(right, harmonics=1000 * right.harmonics),
+        "radian": replace(right, frequency=2 * np.pi * right.frequency),
+    }
+    for mistake, surface in read.items():
+        found = base_findings(surface, absolute=False, senses=False)
+        assert [finding.names["is"] for finding in found] == [mistake] * bool(mistake), mistake
+    (radian,) = base_findings(read["radian"], absolute=False, senses=False)
+    assert "frequencies may be in rad/s and read as Hz" in rs.sentence(radian)
+    asked = rs.identify(read["reference"], "k*x + k3*x**3 + c*v + Ff*sign(v)", mass=2.0)
+    assert "base-misread" in [finding.code for finding in asked.verdict.decided_by]
+    assert not {"not-converged", "fixed-contradicted"} & {finding.code for finding in asked.findings}
+
+
+def test_a_ranking_of_a_misread_base_says_so_and_tries_no_sums():
+    right = shaken(0.25)
+    absolute = right.harmonics[:, 1] + right.force / right.omega**2
+    ranking = rs.rank(replace(right, harmonics=np.stack([0 * absolute, absolute], 1)), mass=2.0)
+    assert not ranking.fits
+    assert "base-misread" in [finding.code for finding in ranking.findings]
+    added = [set(one.name.split(" + ")) - {"linear-spring", "linear-damper"} for one in ranking.candidates]
+    assert max(map(len, added)) == 1

@@ -53,8 +53,7 @@ def driven_points(surface: ResponseSurface) -> NDArray[np.intp]:
 
 
 def powers_for(points: int, *, mass: bool) -> range:
-    """Return the powers of the amplitude that so many points determine, with a mass or without; none of too
-    few."""
+    """Return the powers of the amplitude that so many points determine, with a mass or without."""
     return range(min(_MAX_POWERS, (points // _MIN_POINTS_PER_COEFFICIENT - mass) // 2))
 
 
@@ -328,9 +327,8 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
         return
     sure = "yes" if passive[best] < _MAX_MISFIT_RATIO * misfit else "no"
     numbers = {"misfit": Quantity(misfit), "then": Quantity(passive[best])}
-    yield Finding(
-        "another-quantity", "doubt", "", numbers, {"read": quantity or "", "is": best, "sure": sure}
-    )
+    names = {"read": quantity or "", "is": best, "sure": sure}
+    yield Finding("another-quantity", "doubt", "", numbers, names)
 
 
 # ----------------------------------------------------------------------------
@@ -344,9 +342,12 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
 # motion where it is the absolute one, or in another unit, breaks this equation.
 
 _UNIT_FACTORS = {"gravity": 9.80665, "milli": 1000.0, "both": 9806.65}
-COMMON_FACTORS = _UNIT_FACTORS | {"rms": 2**0.5, "peak-to-peak": 2.0}
+COMMON_FACTORS = _UNIT_FACTORS | {"rms": 2**0.5, "peak-to-peak": 2.0, "radian": 4 * pi**2}
 """Factors by which a channel is too large or too small if its unit, or the kind of its amplitudes, is
-misread."""
+misread; and an acceleration against a displacement, or a mass, if frequencies are."""
+
+_LEAST_MOTION = 0.01
+"""Relative motion below which friction may hold the mass, if most points move more."""
 
 
 def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> tuple[Finding, ...]:
@@ -362,8 +363,9 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
         Whether phases were read in a sense, as of tables; those of time histories have none.
     """
     rows = driven_points(surface)
-    powers = powers_for(len(rows), mass=False)
-    if not powers:
+    # dry friction is a damping over the amplitude
+    powers = range(-1, powers_for(len(rows), mass=False).stop)
+    if len(powers) < 2:
         return ()
     omega = surface.omega[rows]
     base = surface.force[rows] / omega**2
@@ -443,6 +445,8 @@ def _fit(
     motion = response - base if absolute else response
     if not np.abs(motion).max() > 0:
         return np.inf, False
+    if np.mean(moves := np.abs(motion) > _LEAST_MOTION * np.abs(motion).max()) > 0.5:
+        base, motion, omega = base[moves], motion[moves], omega[moves]
     force, inertia = omega**2 * base, -(omega**2) * motion
     size = np.abs(force - inertia) if of_law else np.abs(force) + np.abs(inertia)
     if not (size > 0).all():
@@ -515,9 +519,8 @@ def _lag(lag: Array) -> tuple[Finding, ...]:
         "scatter": Quantity(float(np.std(off)), "rad"),
         "shift": Quantity(float(2 * abs(np.tan(missed)))),
     }
-    size = abs(missed)
-    severity: Severity = "warning" if size < _LAG_ERROR_DOUBTFUL else "doubt"
-    severity = "info" if size < _LAG_ERROR_NEGLIGIBLE else severity
+    severity: Severity = "warning" if abs(missed) < _LAG_ERROR_DOUBTFUL else "doubt"
+    severity = "info" if abs(missed) < _LAG_ERROR_NEGLIGIBLE else severity
     return (Finding("phase-lag", severity, numbers=numbers),)
 
 

@@ -14,10 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short
-from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
+from rsgen.common.tolerances import BRANCH_DISTANCE, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.identification.results.result import freeze, held_out_lines
+from rsgen.identification.soundness import at_jump, points_at
+
+SHARE_AT_JUMPS = 0.02
+"""Share of the points of a run that may lie between a predicted and a measured jump, so on another branch;
+they are not scored."""
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
@@ -127,6 +132,22 @@ class HeldOutLevel(Brief):
     def __post_init__(self) -> None:
         freeze(self, ("frequency",))
         freeze(self, ("measured", "predicted"), np.complex128)
+
+
+def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
+    """Find held-out levels with points without a predicted steady state near them, as next to a jump."""
+    findings = []
+    for item in (item for item in held_out if item.missing):
+        level, size = Quantity(item.level, item.level_unit), np.abs(item.measured)
+        numbers = quantities(missing=item.missing, points=len(size), level=level)
+        names = {"sweep": item.sweep}
+        missed = ~(np.abs(item.predicted - item.measured) <= BRANCH_DISTANCE * size)
+        few = item.missing == np.count_nonzero(missed) <= np.ceil(SHARE_AT_JUMPS * len(size))
+        if few and at_jump(size, missed):
+            names["jump"] = points_at(size[missed] * 0 + item.level, item.frequency[missed], item.level_unit)
+        severity: Severity = "info" if "jump" in names else "warning"
+        findings.append(Finding("held-out-points-missing", severity, numbers=numbers, names=names))
+    return tuple(findings)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -47,9 +47,11 @@ from rsgen.identification.prediction.amplitude_balance import (
 )
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
+    SHARE_AT_JUMPS,
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
+    missing_findings,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, MultisineIdentification
 
@@ -134,10 +136,6 @@ cut off less than 4 % below its top is one."""
 
 _FREQUENCY_MARGIN = 0.05
 """Relative extension of the curves beyond the tested frequencies."""
-
-_SHARE_AT_JUMPS = 0.02
-"""Share of the points of a run that may lie between a predicted and a measured jump, so on another branch;
-they are not scored."""
 
 
 @known_arguments
@@ -249,7 +247,7 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
         return Prediction((), (), meant)
     surface = surface.on_mass(found.mass)
     held_out = _score(found, balance_of(found), surface)
-    return Prediction((), held_out, (*meant, *_missing(held_out), *_missed(held_out)))
+    return Prediction((), held_out, (*meant, *missing_findings(held_out), *_missed(held_out)))
 
 
 def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
@@ -348,7 +346,7 @@ def _findings(
     if any(one["peak"] > tested[1] for _, one in short):
         _, worst = max(short, key=lambda one: (one[1]["peak"] > tested[1], one[0], one[1]["peak"]))
         findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=len(short))}))
-    return (*findings, *_missing(held_out))
+    return (*findings, *missing_findings(held_out))
 
 
 def _points_under(found: Identification, force: float) -> Points | None:
@@ -396,18 +394,6 @@ def _compare_peaks(
     names = {"by": "jump" if jumped else "points" if inside else "end", "rises": "yes" if rises else "no"}
     finding = Finding("prediction-extrapolated", "warning", numbers=numbers | sizes, names=names)
     return np.inf if rises else height / measured, finding
-
-
-def _missing(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
-    """Find held-out levels with points without a predicted steady state near them."""
-    findings = []
-    for item in held_out:
-        if item.missing:
-            level = Quantity(item.level, item.level_unit)
-            numbers = quantities(missing=item.missing, points=len(item.frequency), level=level)
-            names = {"sweep": item.sweep}
-            findings.append(Finding("held-out-points-missing", "warning", numbers=numbers, names=names))
-    return tuple(findings)
 
 
 def _curve(
@@ -539,7 +525,7 @@ def score_points(
     off = np.flatnonzero(scored & missed)
     off = off[np.argsort(-miss[off], kind="stable")]
     count = int(np.count_nonzero(scored))
-    scored[off[: min(int(np.ceil(_SHARE_AT_JUMPS * count)), count - 1)]] = False
+    scored[off[: min(int(np.ceil(SHARE_AT_JUMPS * count)), count - 1)]] = False
     if not scored.any():
         return nan, nan, int(np.count_nonzero(missed))
     root = np.sqrt(np.mean(size[scored] ** 2))

@@ -33,8 +33,8 @@ from rsgen.data.surface.response_surface import ResponseSurface, as_fitted
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
-from rsgen.identification.identify import identify, identify_points
-from rsgen.identification.misfit import CODES_OF_RESPONSE
+from rsgen.identification.identify import checked, identify, identify_points
+from rsgen.identification.misfit import CODES_OF_RESPONSE, is_misread
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
     STRONG_EVIDENCE,
@@ -117,7 +117,7 @@ def rank(
     mass
         m [kg] if it is known; None: that of a model, or identified.
     terms_in_sum
-        Largest number of laws of the library in a sum; sums of three often overfit.
+        Largest number of laws of the library in a sum; sums of three often overfit. 1 if a base is misread.
     progress
         Called with the share of the stages that are done, from 0 to 1.
 
@@ -153,6 +153,9 @@ def rank(
     else:
         require(surface, ResponseSurface, "surface")
         sensors = sensors_of(elements, int(surface.across.size > 0))
+        surface = checked(surface)
+        # no sum makes up for channels that were misread
+        terms_in_sum = 1 if is_misread(surface) else terms_in_sum
         test = PointTest(*per_unit_mass(as_fitted(surface), base), laws.values(), sensors)
     given = tuple(test.start(name, elements) for name, elements in laws.items())
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
@@ -313,7 +316,7 @@ def _ranking(
     current, fixed, found = last.round, test.fixed, None
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
     bic = [fit.bic() for fit in candidates]
-    if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED:
+    if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED and not is_misread(surface):
         bic = _compare_along_own(test, current, candidates, given)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     count = [len(fit.candidate.values) for fit in candidates]

@@ -39,8 +39,8 @@ OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
 
 ORDER = (
-    "order: of those that tie the simplest first, then by BIC; last what predicts unseen levels worse than a "
-    "simpler law"
+    "BIC: above the lowest; unseen: error on levels not fitted; order: first the simplest of those that tie "
+    "with the best, then by BIC, last what predicts unseen levels worse than a simpler law"
 )
 """The order of a ranking, as tables say it."""
 
@@ -247,7 +247,7 @@ class Ranking(Printed):
         verdict = self.verdict
         if verdict.decided_by:
             fits += f"; {verdict.state}: {', '.join(finding.code for finding in verdict.decided_by)}"
-        heads = ("law", "parameters", "BIC above the lowest", "error on unseen levels", "verdict", "force")
+        heads = ("law", "parameters", "BIC", "unseen", "verdict", "force")
         best = whole_name(self.candidates[0].name, self.model.sensors)
         judged = "periods" if isinstance(self.surface, MultisineSpectra) else "neighbouring points"
         caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} % by {judged}"
