@@ -132,9 +132,8 @@ def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
 
 
 @pytest.mark.parametrize(("error", "said"), [
-    (0.0092, ", 1.6 times the misfit; up to 2 is noise"),
-    (0.025, ", 4.2 times the misfit; up to 2 is noise, and up to 5 % of error is taken for small"),
-    (0.08, ", 14 times the misfit; up to 2 is noise"),
+    (0.0092, ", 1.6 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
+    (0.08, ", 14 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
     (1e-5, ""),
 ])  # fmt: skip
 def test_the_error_of_a_held_out_level_has_its_scale(quintic, error, said):

@@ -236,6 +236,7 @@ def test_an_observation_takes_one_level_and_no_background():
             (lambda s: rs.rank(s, band=(8, 9)), r"rank: band: .*=rsgen.Observation\(band=...\)"),
             (lambda s: rs.simulate(STICKING, test=1, levels=2), "its arguments are oscillator, test, pro"),
             (lambda s: rs.predict(STICKING, level=1.0), "level: no argument; did you mean 'levels'"),
+            (lambda s: rs.rank(s, fixed={"m": 1.0}), "fixed: no argument; the mass alone can be given"),
             (lambda s: rs.modal_table(s, masse=1.0), "did you mean 'mass'"),
             (lambda s: linear_surface(displacement=[1j]), "displacement: no argument; its arguments are"),
             (lambda s: rs.SimulatedTest([1], [8], noise=0.1), "SimulatedTest: noise: no argument"),

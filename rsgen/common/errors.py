@@ -142,6 +142,8 @@ def known_arguments(function: F) -> F:
         for name in keywords:
             if name not in known:
                 near = suggest(name, known) or _place_of(function, name)
+                if name == "fixed" and "mass" in known:
+                    near = "the mass alone can be given, as mass=; "
                 raise UnknownArgumentError(
                     f"{function.__qualname__.removesuffix('.__init__')}: {name[:80]}: no argument; "
                     f"{near}its arguments are {listed(known)}"

@@ -71,6 +71,9 @@ _MIN_POINTS_OF_PATTERN = 16
 CODES_OF_RESPONSE = frozenset({"another-quantity", "base-misread", "not-passive"})
 """Findings about sign or quantity of the response, which a background would only conceal."""
 
+_LIKE_EVEN = ("x*abs(x)", "x**3", "x**5")
+"""Springs that do to fundamentals what an even force does, whose square shows there."""
+
 _GAIN_WORTH_A_FIT = 0.1
 """Share of the largest gain to first order: where drag is missing dry friction has twice its gain, and leaves
 50 times as much."""
@@ -118,6 +121,8 @@ def misfit_findings(
         fit, points, others, only_terms=rejected, decays=surface.decays
     )
     numbers = quantities(misfit=misfit)
+    if names.get("term") in _LIKE_EVEN and not records_even(fit.problem) and _is_symmetric(fit.problem):
+        names["even"] = "k2*x**2"
     if names:
         numbers |= quantities(left=left_by_cause)
         # gains of the levels are no other law: they are as doubtful as the misfit is large
@@ -127,7 +132,7 @@ def misfit_findings(
     if known and not surface.decays and (fixed := _contradicted(fit, most)):
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
-    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
+    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     if not names.keys() & {"term", "free", "side"}:
@@ -205,6 +210,26 @@ def _cause(
         names = {"free": "curves"} if curves < factors else {"levels": "force"}
         left_by_cause = min(curves, factors) * misfit
     return left_by_term, left_by_cause, names if left_by_cause < enough else {}
+
+
+def _carrier(fit: Fit) -> dict[str, str]:
+    """Return as "where" the harmonic that carries most of a systematic misfit; none of the force.
+
+    Force and fundamental of a point share its residual, so that neither of them carries it alone.
+    """
+    found, points = fit.regression, fit.problem.observed.points
+    names, count = list[str](), found.residual.shape[1]
+    for step in (1, 2):
+        # harmonics that are compared, of an odd law the odd ones; real parts of all, then imaginary parts
+        others = [h for h in fit.problem.observed.recorded if h != 1 and (step == 1 or h % 2)]
+        real = ["", "", *(f"harmonic {h}" if h else "the mean" for h in others), *[""] * points.far.shape[1]]
+        every = [*real, *(name for name in real if name != "the mean")]
+        names = every if len(every) == count else names
+    power = np.sum(found.residual[found.used] ** 2, axis=0)
+    power *= systematic_columns(found.residual, points.pairs(found.used))
+    of_name = {name: power[[other == name for other in names]].sum() for name in names if name}
+    most = max(of_name, key=of_name.__getitem__, default="")
+    return {"where": most} if most and of_name[most] > power.sum() / 2 else {}
 
 
 def _of_systematic_columns(fit: Fit) -> float:
@@ -454,7 +479,9 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
         if series.coeff(x, 3) == symbol(estimate.name) and (linear := series.coeff(x, 1)):
             spring = float(problem.law.still(np.zeros(1), fit.values).by_x[0])
             combined = write(symbol("k2") ** 2 / linear)
-            names = {"determined": f"{estimate.name} - {-change * spring / k2**2:.3g}*{combined}"}
+            factor = change * spring / k2**2
+            names = {"determined": f"{estimate.name} {'+-'[factor < 0]} {abs(factor):.3g}*{combined}"}
+        names["side"] = "below" if change < 0 else "above"
         numbers = quantities(even=EVEN_SHARE, amplitude=Quantity(largest, "m"), moved=share)
         found.append(Finding("even-terms-not-seen", "info", estimate.name, numbers, names))
     return found

@@ -31,6 +31,7 @@ from rsgen.formula.reading import parse
 from rsgen.formula.units import number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
+from rsgen.identification.results.remarks import mass_lines
 from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.element import Element
 from rsgen.law.memory import FORCE_KEYS, memory_form, with_equations
@@ -210,7 +211,9 @@ def _verdict_context(
         "mark": sentences.MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
-        "verdict_table": tables.verdict_table(comparison),
+        "verdict_table": tables.verdict_table(
+            comparison, mass_lines((*identification, *identification.fixed))
+        ),
         "alternative_table": tables.alternative_table(identification),
         "meaning": [
             *describe_elements(subject.elements, identification).items(),
@@ -248,6 +251,8 @@ def element_finding(element: Element, identification: Identification) -> Finding
     numbers, states = _course(element, identification, values)
     if not unknown and not element.across:
         numbers |= _sides(element, identification, values)
+        if any(found.code == "mirror-image-fits" for found in identification.findings):
+            states |= {"sides": "not known"}
     return replace(course, numbers=numbers, names={**course.names} | states)
 
 

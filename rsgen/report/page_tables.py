@@ -12,7 +12,7 @@ import numpy as np
 
 from rsgen.analysis.comparison import Comparison, Row, compare_fits
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import CONFIDENCE_TEXT, MAX_ERROR_TO_MISFIT
+from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.units import ForceUnits, Scale, choose_scale, number_text, quantity_text, unit_text
@@ -23,6 +23,7 @@ from rsgen.identification.prediction.prediction_result import PredictedRecord
 from rsgen.identification.prediction.resonance_curves import score_points
 from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.results.remarks import HELD_OUT_SCALE
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.wording.sentences import error_text, sentence, share_text
 
@@ -45,6 +46,7 @@ _BACKGROUND_NAMES = {
 _KINDS_OF_INTERVAL = (
     f"± is half of the {CONFIDENCE_TEXT} interval, by standard error unless profile likelihood is stated"
 )
+_PER_LEVEL = "“per level” rests on the resonance of each level alone, “–” where that does not show a value"
 _SWEEPS = {"rest": "from rest", "up": "up", "down": "down"}
 
 
@@ -111,8 +113,11 @@ def _tabulated(caption: str, items: Iterable[Any], columns: Mapping[str, _Says])
     return Table(caption, tuple(columns), rows)
 
 
-def verdict_table(comparison: Comparison) -> Table:
-    """Hold every estimate against the truth; without truth, show the estimates with their intervals."""
+def verdict_table(comparison: Comparison, remarks: Iterable[str] = ()) -> Table:
+    """Hold every estimate against the truth; without truth, show the estimates with their intervals.
+
+    ``remarks`` are said of the whole table.
+    """
     known = any(math.isfinite(row.true) for row in comparison.rows)
     judged = any(row.tolerance is not None for row in comparison.rows)
     columns: dict[str, _Says] = {"Parameter": lambda row: FORCE_KEYS.get(row.name, row.name)}
@@ -133,7 +138,7 @@ def verdict_table(comparison: Comparison) -> Table:
     shown = [row for row in comparison.rows if row.name not in FORCE_KEYS or row.tolerance is not None]
     shown.sort(key=lambda row: row.tolerance is None)  # what is judged comes first
     caption = "True against identified values" if known else "Identified values; no truth is known"
-    table = _tabulated(f"{caption}. {_KINDS_OF_INTERVAL}", shown, columns)
+    table = _tabulated("; ".join([f"{caption}. {_KINDS_OF_INTERVAL}", _PER_LEVEL, *remarks]), shown, columns)
     return replace(table, optional=("Per level", "First order", "Error, first order"))
 
 
@@ -253,7 +258,7 @@ def held_out_table(
         columns["Error of the law at the points predicted"] = lambda item: error_text(_error_at(law, item))
     if not held_out:
         return None
-    said = f"; up to {MAX_ERROR_TO_MISFIT:g} times the misfit, {error_text(held_out[0].misfit)}, is noise"
+    said = f"; the misfit is {error_text(held_out[0].misfit)}: {HELD_OUT_SCALE}"
     return _tabulated(f"{caption}; errors {_RELATIVE}{said}", held_out, columns)
 
 

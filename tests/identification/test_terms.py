@@ -131,3 +131,46 @@ def test_terms_that_a_test_does_not_tell_apart_are_proposed_together():
     (misfit,) = (finding for finding in found.findings if finding.code == "law-does-not-fit")
     assert {misfit.names["term"], misfit.names["also"]} == {"v**3", "v*abs(v)"}
     assert f"{misfit.names['term']} or {misfit.names['also']}, times a coefficient" in next_step(misfit)
+
+
+def asymmetric(**signals: object) -> rs.ResponseSurface:
+    """An asymmetric spring of which some harmonics are other than recorded."""
+    law, values = "k*x + c*v + k2*x**2 + k3*x**3", {"k": 5200.0, "c": 0.9, "k2": 9e5, "k3": 3.5e8}
+    test = rs.SimulatedTest([0.1, 0.2, 0.4, 0.7], np.linspace(15, 19, 41), noise_relative=0.005)
+    surface = rs.simulate(rs.Oscillator(0.48, law, values), test)
+    harmonics = np.array(surface.harmonics)
+    for name, factor in signals.items():
+        harmonics[:, int(name[1:])] *= factor
+    return replace(surface, harmonics=harmonics)
+
+
+def test_of_a_systematic_misfit_the_harmonic_that_carries_most_of_it_is_named():
+    found = rs.identify(asymmetric(h0=-1.0), "k*x + c*v + k2*x**2 + k3*x**3")
+    (misfit,) = (finding for finding in found.findings if finding.code == "law-does-not-fit")
+    assert misfit.names["where"] == "harmonic 2"
+    assert "systematic, not noise, most of it in harmonic 2 of the response" in sentence(misfit)
+
+
+def test_where_fundamentals_alone_lack_a_spring_an_even_one_is_proposed_too():
+    law, nothing = "k*x + c*v + k3*x**3", {f"h{order}": np.nan for order in (0, 2, 3, 4, 5, 6, 7)}
+    found = rs.identify(asymmetric(**nothing), law, mass=0.48)
+    (misfit,) = (finding for finding in found.findings if finding.code == "law-does-not-fit")
+    assert misfit.names["term"] in {"x**5", "x*abs(x)"}
+    assert "an even force, such as k2*x**2, may do the same" in sentence(misfit)
+    assert "or an even term, such as k2*x**2, to the law" in next_step(misfit)
+    assert "m is taken as exact" in str(found)
+    (unseen,) = (finding for finding in found.findings if finding.code == "even-terms-not-seen")
+    assert (unseen.names["side"], unseen["moved"] < 0) == ("below", True)
+    whole = rs.identify(asymmetric(), law)
+    assert all("even" not in finding.names for finding in whole.findings)
+    assert "shows in m alone" in str(whole)
+
+
+def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():
+    test = rs.SimulatedTest([0.5, 1, 2], np.linspace(8.5, 12, 30), noise_relative=1e-2)
+    surface = rs.simulate(rs.Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 4.0}), test)
+    law = "k*x + c*v + a*x**3 + b*x**5 + d*v**3 + e*v**5"
+    found = rs.identify(surface, law, mass=1.5)
+    assert sum(one.identifiable for one in found) == 2
+    (said,) = (finding for finding in found.verdict.decided_by if finding.code == "nothing-identifiable")
+    assert sentence(said).startswith("the test determines only 2 of the 6 parameters")

@@ -25,7 +25,7 @@ from rsgen.identification.fitting.points import (
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.law.memory import refuse_free_powers
 from rsgen.law.numeric import compile_law
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.wording.sentences import in_order, sentence
 
 
 def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[str]:
@@ -95,7 +95,9 @@ def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:
     finds_mass = case.model.mass is None and not table.per_mass
     notes = [*case.warnings, *sentences_of_elements(case.model.elements)]
     lines = [f"note: {text}" for text in notes]
-    lines += [str(f) if f.severity in ("doubt", "error") else f"note: {sentence(f)}" for f in findings]
+    # errors first; of one severity in the order in which to look at them
+    severities = ("error", "doubt", "warning", "info")
+    lines = [*map(str, sorted(in_order(findings), key=lambda f: severities.index(f.severity))), *lines]
     plan = {
         "case": case.name,
         "title": case.title,

@@ -57,5 +57,5 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
         terminal.print_line(line)
     for finding in identification.findings:
         if finding not in verdict.decided_by:
-            terminal.print_line(f"note: {sentence(finding)}")
+            terminal.print_line(str(finding))
     return terminal.print_next_steps(state_verdict(verdict))

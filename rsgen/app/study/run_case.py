@@ -39,6 +39,7 @@ from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
+from rsgen.identification.results.remarks import mass_lines
 from rsgen.identification.results.result import table_of
 from rsgen.report.result_json import Entry
 
@@ -194,7 +195,10 @@ def _finished(case: Case, folder: Path) -> CaseRun:
         bool(result["passed"]),
         verdict=result["verdict"],
         held_out=tuple(str(entry["said"]) for entry in result["held_out"]),
-        values=tuple(str(table_of((*fit.estimates, *fit.background))).split("\n")),
+        values=(
+            *str(table_of((*fit.estimates, *fit.background))).split("\n"),
+            *(f"  {line}" for line in mass_lines(fit.estimates)),
+        ),
         warnings=severities.count("warning") + of_case,
         notes=severities.count("info"),
     )

@@ -219,14 +219,16 @@ class Prediction(Printed):
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
                 highest = [short(float(curve.amplitude[top])), short(float(curve.frequency[top]))]
-                highest[1] += ", where it ends" if curve.rises_at_end else ""
+                highest[1] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
             folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))
             rows.append((short(curve.level), *highest, folds, extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (f"level [{unit}]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
-        notes = (*held_out_lines(self.held_out), *map(str, self.findings))
+        rises = any(curve.rises_at_end for curve in self if len(curve.frequency))
+        more = ("a curve still rises where the band or the table ends; band=(low, high) [Hz] shows more",)
+        notes = (*more[: int(rises)], *held_out_lines(self.held_out), *map(str, self.findings))
         return TextTable(heads, tuple(rows), notes=notes)
 
 

@@ -150,7 +150,7 @@ def predict(
 
     At every amplitude X the balance of all harmonics is solved for the frequencies at which the force of the
     level is needed: F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c(X, omega)^2) with k and c of the whole
-    waveform. So all branches, the unstable one too, come without continuation.
+    waveform. So all branches come without continuation, with their band ``lower`` to ``upper``.
 
     Parameters
     ----------

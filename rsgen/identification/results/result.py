@@ -18,8 +18,6 @@ from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
-    HELD_OUT_ERROR_SMALL,
-    MAX_ERROR_TO_MISFIT,
     MISFIT_NEGLIGIBLE,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -29,6 +27,7 @@ from rsgen.formula.unit_deduction import parameter_units
 from rsgen.formula.units import UNCALIBRATED, WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
+from rsgen.identification.results.remarks import HELD_OUT_SCALE, mass_lines
 from rsgen.law.memory import with_equations
 
 if TYPE_CHECKING:
@@ -382,6 +381,7 @@ class Identification(Printed):
 
         It is 1 - D X/F, with D the dynamic stiffness of the fit with all its harmonics, and F, X as measured,
         without the background. Without phases sizes are compared. NaN at points that the fit did not use.
+        What the fit leaves of the mean and of harmonics is not in it.
 
         Raises
         ------
@@ -494,7 +494,12 @@ class Identification(Printed):
         return replace(
             table,
             caption=f"{self.verdict}\n{with_equations(self.model.force)}",
-            notes=(tested, *held_out_lines(self.held_out), *map(str, self.findings)),
+            notes=(
+                tested,
+                *mass_lines((*self, *self.fixed)),
+                *held_out_lines(self.held_out),
+                *map(str, self.findings),
+            ),
         )
 
 
@@ -514,11 +519,7 @@ def _scale_of_error(one: Any) -> str:
     """Say what the error of a level is to be compared with; nothing of exact data, or of a record."""
     if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
         return ""
-    ratio = one.error / one.misfit
-    small = ratio > MAX_ERROR_TO_MISFIT and one.error <= HELD_OUT_ERROR_SMALL
-    return f", {ratio:.2g} times the misfit; up to {MAX_ERROR_TO_MISFIT:g} is noise" + (
-        f", and up to {100 * HELD_OUT_ERROR_SMALL:g} % of error is taken for small" if small else ""
-    )
+    return f", {one.error / one.misfit:.2g} times the misfit; {HELD_OUT_SCALE}"
 
 
 # ----------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from rsgen.formula.names import remembers, symbol
 from rsgen.formula.units import Scale, choose_scale
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.results import Identification
+from rsgen.law.numeric import compile_law
 from rsgen.report.figures import drawing, equivalent
 
 # ----------------------------------------------------------------------------
@@ -166,6 +167,9 @@ def draw_collapse(
     )
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
+    if not (joint or compile_law(law).odd):
+        caption += " The law is not the same on both sides: its second harmonic, which the line has not, "
+        caption += "moves the points to one side of it."
     return drawing.Drawing("collapse", figure, caption, ax is None)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -286,10 +286,15 @@ def headline(verdict: Verdict) -> str:
 # A verdict in words: for result.json, and from it, for pages, notebooks and terminals.
 
 
+def in_order(findings: Iterable[Finding]) -> list[Finding]:
+    """Return findings in the order in which to look at them."""
+    place = {code: number for number, code in enumerate(NEXT_STEPS)}
+    return sorted(findings, key=lambda finding: place.get(finding.code, len(place)))
+
+
 def state_verdict(verdict: Verdict) -> StatedVerdict:
     """Put a verdict into words, its reasons in the order in which to look at them."""
-    place = {code: number for number, code in enumerate(NEXT_STEPS)}
-    decided = sorted(verdict.decided_by, key=lambda finding: place.get(finding.code, len(place)))
+    decided = in_order(verdict.decided_by)
     return {
         "state": verdict.state,
         "headline": headline(verdict),
