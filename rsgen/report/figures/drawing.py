@@ -245,9 +245,15 @@ def level_colours() -> LinearSegmentedColormap:
     return LinearSegmentedColormap.from_list("rsgen", viridis(np.linspace(0.12, 0.92, 64)))
 
 
+_MAX_TICKS_OF_LEVELS = 4
+"""Intervals between ticks of a colour bar."""
+
+
 def colour_bar(axes: Axes, norm: Normalize, label: str) -> None:
     """Add a colour bar right of a panel."""
-    bar = axes.figure.colorbar(ScalarMappable(norm, level_colours()), cax=axes.inset_axes((1.03, 0, 0.03, 1)))
+    place, colours = axes.inset_axes((1.03, 0, 0.03, 1)), ScalarMappable(norm, level_colours())
+    # a number of ticks that does not depend on the height, which the layout changes after it measured them
+    bar = axes.figure.colorbar(colours, cax=place, ticks=matplotlib.ticker.MaxNLocator(_MAX_TICKS_OF_LEVELS))
     bar.set_label(label)
     bar.outline.set_visible(False)
     if bar.solids is not None:
