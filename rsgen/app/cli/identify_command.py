@@ -10,6 +10,7 @@ from rsgen.app.cli.options import Data, Json, OneCase, Surface
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.study.run_case import identify_case, obtain_table
 from rsgen.cases.loading import load_case
+from rsgen.identification.results.remarks import mass_lines
 from rsgen.identification.results.result import held_out_lines
 from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.wording.sentences import sentence, state_verdict
@@ -51,7 +52,8 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
     # as print(found) shows it; verdict and findings stand around it
     table = identification.table
     law = table.caption.partition("\n")[2]
-    terminal.print_block("", str(replace(table, caption=law, notes=table.notes[:1])))
+    notes = (*table.notes[:1], *mass_lines((*identification, *identification.fixed)))
+    terminal.print_block("", str(replace(table, caption=law, notes=notes)))
     terminal.print_line(sentence(identification.outcome))
     for line in held_out_lines(identification.held_out):
         terminal.print_line(line)
