@@ -32,6 +32,7 @@ from rsgen.common.tolerances import (
     INTERVAL_END,
     MAX_NEWTON_STEPS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MIN_MISFIT_REDUCTION,
     MISFIT_OF_NOISE,
     MISFIT_REJECTED,
     NEAR_STEPS,
@@ -41,7 +42,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.data.surface.response_surface import ResponseSurface, as_fitted
+from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
@@ -305,8 +306,13 @@ def identify_points(
     The simulator is not asked for less than the misfit ``attained``, relative to force and response. On
     ``most`` points, if it is not 0, levels are not predicted.
     """
-    surface, model = per_unit_mass(as_fitted(checked(surface)), model)
-    found = _identify(surface, model, attained, most)
+    surface, model = per_unit_mass(without_copies(checked(surface)), model)
+    found, centred = _identify(surface, model, attained, most), without_offset(surface)
+    if centred is not surface and found.fit is not None and found.fit.systematic:
+        # a law with a place of rest of its own explains the mean; where it does not, the sensor's zero may
+        other = _identify(centred, model, attained, most)
+        if other.residual < (1 - MIN_MISFIT_REDUCTION) * found.residual:
+            found, surface = other, centred
     return found if most else _with_held_out(found, predict_held_out, found, surface)
 
 

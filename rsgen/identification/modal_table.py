@@ -41,7 +41,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, as_fitted, typical_amounts
+from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, without_copies
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.forward import ErrorsInVariables
 from rsgen.identification.fitting.least_squares import Regression, Rules, fit
@@ -360,7 +360,7 @@ def modal_table(
     model = _model_of(about, mass)
     if isinstance(surface, MultisineSpectra):
         return rsgen.identification.table_of_lines(*per_unit_mass(surface, model))
-    rows = as_fitted(surface)
+    rows = without_copies(surface)
     copied = rows.findings[len(surface.findings) :]
     surface, model = per_unit_mass(rows, model)
     means, _ = gather_repeats(surface)

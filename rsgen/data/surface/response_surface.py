@@ -455,11 +455,6 @@ class ResponseSurface(Records):
 # Copies of rows, which are no second measurement.
 
 
-def as_fitted(surface: ResponseSurface) -> ResponseSurface:
-    """Return the surface as it is fitted: without copies of rows, and without the offset of its sensor."""
-    return without_offset(without_copies(surface))
-
-
 def without_copies(surface: ResponseSurface) -> ResponseSurface:
     """Return the surface with one row of each point whose rows are equal; a finding has their number.
 
@@ -500,10 +495,11 @@ _MIN_OCTAVES, _MIN_PAIRS = 2, 8
 
 
 def without_offset(surface: ResponseSurface) -> ResponseSurface:
-    """Return the surface without the offset of its sensor; a finding has it.
+    """Return the surface without a constant mean, and with a finding about it; the same surface without one.
 
-    An even force makes a mean that grows with the amplitude X; a mean that is one constant o at all
-    amplitudes says where the zero of the sensor lies. Least squares of (mean - o)/X, in which every
+    An even force makes a mean that grows with the amplitude X; one constant o at all amplitudes is where the
+    zero of the sensor lies, unless the law has a place of rest of its own (a preload, two wells), so that a
+    fit decides between both. Least squares of (mean - o)/X, in which every
     octave of X counts the same; noise is half the mean square of differences of neighbours.
     """
     mean, size = surface.harmonics[:, 0].real, surface.amplitude

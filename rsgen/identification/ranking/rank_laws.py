@@ -29,7 +29,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface.response_surface import ResponseSurface, as_fitted
+from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
@@ -156,12 +156,28 @@ def rank(
         surface = checked(surface)
         # no sum makes up for channels that were misread
         terms_in_sum = 1 if is_misread(surface) else terms_in_sum
-        test = PointTest(*per_unit_mass(as_fitted(surface), base), laws.values(), sensors)
+        test = PointTest(*per_unit_mass(without_copies(surface), base), laws.values(), sensors)
     given = tuple(test.start(name, elements) for name, elements in laws.items())
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
     rounds = _all_rounds(test, given, terms, terms_in_sum, progress)
-    return _ranking(test, _best_round(rounds), tuple(laws), base, surface)
+    ranking = _ranking(test, _best_round(rounds), tuple(laws), base, surface)
+    if (
+        isinstance(surface, MultisineSpectra)
+        or ranking.fits
+        or (centred := without_offset(surface)) is surface
+    ):
+        return ranking
+    # no law has such a place of rest, so that the mean may be the sensor's
+    other = rank(
+        centred,
+        candidates,
+        observation,
+        mass=mass,
+        terms_in_sum=terms_in_sum,
+        progress=progress,
+    )
+    return other if other.fits else ranking
 
 
 def _best_round(rounds: list[_Compared]) -> _Compared:
