@@ -103,8 +103,8 @@ def match_level(levels: Array, asked: float) -> float | None:
     2.386357e-09
     >>> match_level(np.array([0.2994, 0.8008]), 0.8)
     0.8008
-    >>> match_level(np.array([2.6, 5.0]), 3.0) is None
-    True
+    >>> match_level(np.array([1.962, 3.921]), 3.92266), match_level(np.array([2.6, 5.0]), 3.0)
+    (3.921, None)
     """
     exact = [float(level) for level in levels if abs(level - asked) <= FILE_ROUND_OFF * abs(asked)]
     if exact:
@@ -112,8 +112,8 @@ def match_level(levels: Array, asked: float) -> float | None:
     mantissa = f"{asked:.15e}".partition("e")[0].replace(".", "").lstrip("-").rstrip("0")
     digits = max(LEVEL_DIGITS, len(mantissa))
     alike = [float(level) for level in levels if float(f"{level:.{digits}g}") == float(f"{asked:.{digits}g}")]
-    if not alike and digits == LEVEL_DIGITS:
-        # names of levels are rounder than the forces that were measured
+    if not alike:
+        # names of levels are rounder than the forces that were measured, and 0.4 g is 3.92266 m/s^2
         near = 5 * 10.0**-LEVEL_DIGITS * abs(asked)
         alike = [float(level) for level in levels if abs(level - asked) <= near]
     return alike[0] if len(alike) == 1 else None

@@ -339,12 +339,6 @@ def _directions(
     return np.full(len(frequency), rule.direction, dtype="U4")
 
 
-def _has_entries(test: MeasuredTest) -> bool:
-    """Return True if a * of the plan stands for the entries of a file, each of which is a run."""
-    places = (test.frequency, *(column for source in test.sources for column in source.columns))
-    return any("*" in place for place in places if isinstance(place, str))
-
-
 def _blocks(part: _Part) -> range:
     return range(int(part.block[-1]) + 1)
 
@@ -374,16 +368,19 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
     levels = [part.level for part in parts if part.level is not None]
-    known, entries = bool(levels), _has_entries(test)
-    run = np.concatenate(levels) if known else block if entries else None
-    files = np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
+    known = bool(levels)
+    run = np.concatenate(levels) if known else None
+    # where the response was held each file is a run, or each entry that a * of the plan stands for
+    places = (test.frequency, *(column for source in test.sources for column in source.columns))
+    starred = any("*" in place for place in places if isinstance(place, str))
+    held = block if starred else np.repeat(np.arange(len(parts)), [len(part.frequency) for part in parts])
     findings = [finding for part in parts for finding in part.findings]
     if test.control == "phase" and not test.phase_known:
         # a phase-locked loop holds 90 degrees
         displacement = np.asarray(np.abs(displacement) * np.exp(-0.5j * np.pi))
         findings.append(Finding("phase-lag", "warning", names={"by": "assumed"}))
     drive, size = np.abs(_drive(test, force, frequency)), np.abs(displacement)
-    level = assign_levels(test, frequency, drive, size, run, block, files)
+    level = assign_levels(test, frequency, drive, size, run, block, held)
     followed = test.control == "continuation"
     nominal = test.level.column is not None and np.array_equal(drive, np.concatenate(levels))
     if nominal or not test.driven:

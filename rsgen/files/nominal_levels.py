@@ -40,9 +40,9 @@ def assign_levels(
     frequency: Array,
     force: Array,
     displacement: Array,
-    run: Array | NDArray[np.int64] | None,
+    run: Array | None,
     block: NDArray[np.int64],
-    files: NDArray[np.intp],
+    held: NDArray[np.int64],
 ) -> Array:
     """Return the level (n,) of each row of a table of amplitudes.
 
@@ -51,9 +51,9 @@ def assign_levels(
     frequency, force, displacement
         (n,) [Hz], and amplitudes [N], [m].
     run
-        (n,) levels, or numbers of runs, where the plan knows them.
-    block, files
-        (n,) numbers of blocks, and of files.
+        (n,) levels, where the plan knows them.
+    block, held
+        (n,) numbers of blocks, and of the runs of which each held the response.
     """
     spread = test.level.spread
     if test.control == "continuation":
@@ -64,7 +64,7 @@ def assign_levels(
     if run is not None:
         return run.astype(np.float64)
     if test.control == "response":
-        return files.astype(np.float64)
+        return held.astype(np.float64)
     return group_runs(force, frequency, block)
 
 

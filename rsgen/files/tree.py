@@ -258,12 +258,17 @@ def describe(node: Node) -> Entry:
 # Where in the tree a channel is: "forced_data/drive_1/freq", "Acceleration[3]", "runs/*/x".
 
 _INDEX = re.compile(r"(?P<path>.+?)\[(?:(?P<one>\d{1,9})|(?P<row>\d{1,9}),:|:,(?P<column>\d{1,9}))\]\Z")
-_DIGITS = re.compile(r"(\d+)")
+_NUMBERS = re.compile(r"(\d{1,30}(?:[.p]\d{1,30})?)")
+"""In a path: 10, and 0.5 or 0p5, which stands for it where a name has no point."""
 
 
-def natural_order(path: str) -> list[tuple[int, int | str]]:
-    """Order drive_2 before drive_10."""
-    return [(0, int(part)) if part.isdigit() else (1, part) for part in _DIGITS.split(path) if part]
+def natural_order(path: str) -> list[tuple[int, float | str]]:
+    """Order drive_2 before drive_10, and run_0p05g before run_0p1g."""
+    return [
+        (0, float(part.replace("p", "."))) if part[0].isdecimal() else (1, part)
+        for part in _NUMBERS.split(path)
+        if part
+    ]
 
 
 def star_pattern(address: str) -> re.Pattern[str]:

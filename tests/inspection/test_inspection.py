@@ -296,6 +296,13 @@ def test_what_a_header_tells(tmp_path, run_cli, head, force, response, level, be
     assert run_cli("check", case).code == (2 if "dB" in head else 0)
 
 
+def test_a_capital_f_alone_is_a_force(tmp_path):
+    """The force was drafted as the frequency, and the frequency as the force."""
+    (tmp_path / "a.csv").write_text("F,f,x\n1,10,0.1\n1,11,0.2\n1,12,0.1\n")
+    tables = proposed(tmp_path / "a.csv")
+    assert (tables["frequency"]["column"], tables["force"]["amplitude"]) == ("f", "F")
+
+
 def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
     """Peak or rms was never asked, and a column of runs passed over without a word."""
     rows = [f"{run},{5 + f / 10},{run},{1 + f},{170 - f}" for run in (1, 3) for f in range(9)]

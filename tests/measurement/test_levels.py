@@ -75,6 +75,32 @@ def test_each_entry_is_a_level(tmp_path):
     assert len(read_measurement(of_runs(path, level=LevelRule(spread=0.05))).levels) == 14
 
 
+def test_sweeps_of_one_force_share_a_level(tmp_path):
+    """Up and down of one force were two levels, and run_0p05g came after run_0p1g."""
+    arrays = {}
+    for name, force in (("0p05g_up", 0.05), ("0p05g_down", 0.0502), ("0p1g_up", 0.0999), ("0p1g_down", 0.1)):
+        table = np.column_stack([FREQUENCY, np.full(41, force), np.full(41, force / 10)])
+        arrays[f"run_{name}"] = table[:: -1 if "down" in name else 1]
+    scipy.io.savemat(tmp_path / "a.mat", arrays)
+    force, response = (
+        Channel(amplitude=f"run_*[{column}]", unit=unit) for column, unit in ((2, "N"), (3, "m"))
+    )
+    plan = MeasuredTest(
+        tmp_path / "a.mat",
+        "run_*[1]",
+        force,
+        response,
+        "displacement",
+        phase_known=False,
+        frequency_unit="Hz",
+    )
+    surface = read_measurement(plan)
+    np.testing.assert_allclose(surface.levels, [0.0501, 0.09995], rtol=1e-9)
+    given = read_measurement(replace(plan, level=LevelRule(values=(0.05, 0.05, 0.1, 0.1))))
+    assert given.levels.tolist() == [0.05, 0.1]
+    assert not severities(given)
+
+
 @pytest.mark.slow
 def test_a_held_response_is_declared_with_its_unit(tmp_path):
     path = held_runs(tmp_path / "a.mat", level=HELD * 1e3)

@@ -55,7 +55,8 @@ def _named(pattern: str) -> Clue:
     return lambda entry: bool(search(last_name(entry)))
 
 
-FREQUENCY = _named(r"freq|fréq|hertz|omega|^f(_|$|\d)|(^|[_ ])hz(_|$)|rpm|drehzahl")
+FREQUENCY = _named(r"freq|fréq|hertz|omega|^(?-i:f)(_|$|\d)|(^|[_ ])hz(_|$)|rpm|drehzahl")
+"""A capital F alone is a force."""
 TIME = _named(r"^t(_|$)|time|zeit|instant|^x_value$")
 """The last is LabVIEW's."""
 FORCE = _named(r"forc|kraft|load(?!_cycle)")
