@@ -43,30 +43,6 @@ print(len(names))
 """
 """Imports every module: a dependency that pyproject.toml does not declare is missed here."""
 
-PAGES = """
-import sys, pathlib
-sys.path.append(sys.argv[1])
-from _extension.snippets import ROOT, Workspace, find_snippets
-import rsgen
-assert not pathlib.Path(rsgen.__file__).is_relative_to(ROOT), "not the installed package"
-for page in (ROOT / "README.md", *sorted(ROOT.glob("docs/*.md")), *sorted(ROOT.glob("docs/[!_]*/*.md"))):
-    folder = pathlib.Path.cwd() / "pages" / page.relative_to(ROOT)
-    folder.mkdir(parents=True)
-    workspace = Workspace(folder)
-    for snippet in find_snippets(page.read_text(encoding="utf-8")):
-        try:
-            workspace.perform(snippet, str(page))
-        except ModuleNotFoundError as absent:
-            if f"import {absent.name}\\n" not in snippet.text:
-                raise
-            print(f"{page.relative_to(ROOT)}, line {snippet.line}: not run, it needs {absent.name}")
-        except Exception as fault:
-            raise RuntimeError(f"{page.relative_to(ROOT)}, line {snippet.line}: {fault}") from fault
-"""
-"""Runs every command and program of every page after `rsgen examples .` in an empty folder.
-
-Programs that import a package which rsgen does not need are left to `make test-all`."""
-
 EXAMPLE = "mat-struct"
 """A measured case: its binary file is read in the confined process, which must find the installed package."""
 
@@ -202,7 +178,7 @@ def uv_reaches_packages(folder: Path) -> bool:
 
 
 def use(python: Path, version: str, folder: Path) -> None:
-    """Use the installed package: modules, commands, a simulated case, a measured one, and every page."""
+    """Use the installed package: modules, commands, a simulated case and a measured one."""
     rsgen = python.with_name("rsgen.exe" if os.name == "nt" else "rsgen")
     call([python, "-I", "-c", MODULES], folder, PYTHONWARNINGS="default")
     for words in ([rsgen], [python, "-m", "rsgen"]):
@@ -217,7 +193,6 @@ def use(python: Path, version: str, folder: Path) -> None:
     call([rsgen, "examples", "."], folder)
     call([rsgen, "run", f"cases/formats/{EXAMPLE}.toml", "--out", "out", "--jobs", "1"], folder)
     _expect_state(folder / "out" / EXAMPLE, "identified")
-    print(call([python, "-I", "-c", PAGES, ROOT / "docs"], folder), end="")
 
 
 def _expect(text: str, part: str) -> None:

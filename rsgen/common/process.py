@@ -56,17 +56,12 @@ def leave_at_once() -> None:
     atexit.register(gc.freeze)
 
 
-START_SECONDS = 60.0
-"""To start such a process, on a busy machine as well."""
-
 MAX_ANSWER_BYTES = 64 * 2**20
 """Of the line with which such a process answers."""
 
 READER_BYTES = 96 * 2**20
 """Of memory for Python and the library that reads, without what is read."""
 
-READY = b"ready\n"
-"""Message of such a process once it is confined, before it opens anything."""
 MEMORY_STATUS = "/proc/self/statm"
 """Where Linux says how much memory a process has; other systems do not, and no limit above that is set."""
 _PROGRAM = (

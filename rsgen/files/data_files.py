@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import IO, ClassVar
+from typing import IO
 
 from rsgen.common.errors import MeasurementError, near_file, shown_path
 
@@ -75,11 +75,8 @@ class Format:
     package, plural
         The package that is needed, and what the files are called; "" where rsgen brings all.
     seconds, rate
-        Time to read a file: ``seconds``, and one more for each ``rate`` bytes.
+        Time of work to read a file: ``seconds``, and one more for each ``rate`` bytes.
     """
-
-    SECONDS_OF_MOST: ClassVar[float] = 1.0
-    """Of formats of numbers: reading one starts no other work first."""
 
     name: str
     module: str
@@ -89,13 +86,8 @@ class Format:
     sample: str = ""
     package: str = ""
     plural: str = ""
-    seconds: float = SECONDS_OF_MOST
+    seconds: float = 1.0
     rate: int = 20 * 2**20
-
-    @property
-    def slow(self) -> bool:
-        """True if its reader is slow by itself, so that the wait for it is not shortened."""
-        return self.seconds > self.SECONDS_OF_MOST
 
 
 # The rates of texts are a quarter of the 8 and 1.3 MB/s that good files reach; numbers that repeat pack

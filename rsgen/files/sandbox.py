@@ -7,7 +7,8 @@ comes back is a line of JSON and bytes of numbers: nothing that could be execute
 Limits: size of arrays, their number and depth in ``tree`` (``LARGEST_BYTES``, ``largest_bytes``,
 ``MAX_NODES``, ``MAX_CHANNELS``, ``MAX_DEPTH``); texts and the time of a format in ``data_files``
 (``MAX_TEXT_BYTES``, ``Format.seconds``, ``Format.rate``); the wait for an answer here; memory and size of an
-answer in ``common/process``.
+answer in ``common/process``. The time of a format is one of work, and ends the process itself where the
+system can count that; the wait is one of the clock, and ends it everywhere.
 """
 
 from __future__ import annotations
@@ -37,8 +38,6 @@ from rsgen.common.process import (
     MAX_ANSWER_BYTES,
     MEMORY_STATUS,
     READER_BYTES,
-    READY,
-    START_SECONDS,
     command,
     confine,
     environment,
@@ -46,13 +45,10 @@ from rsgen.common.process import (
 from rsgen.files import tree
 from rsgen.files.data_files import FORMATS, SURFACE_FILE, check_digest, open_regular
 
-WAIT_SECONDS = 30.0
+WAIT_SECONDS = 60.0
 WAIT_RATE = 2 * 2**20
-"""Time to wait for an answer: WAIT_SECONDS, and one more for each WAIT_RATE bytes, or the rate of the
-format if that is lower. The reading process itself ends sooner, after a second of work or some of a text, but
-only where the system can count that."""
-_UNCOUNTED_WAIT_DIVISOR = 10.0
-"""Where it cannot, waiting is shorter by this factor, but for slow formats (``Format.slow``)."""
+"""Time to wait for an answer, on a busy machine as well: WAIT_SECONDS, and one more for each WAIT_RATE bytes,
+or the rate of the format if that is lower."""
 _SAID = ("path", "unit", "unit_source", "scale")
 """Texts that come with the numbers of an array."""
 _READERS = {**FORMATS, SURFACE_FILE.name: SURFACE_FILE}
@@ -60,7 +56,7 @@ _DTYPES = ("<f4", "<f8", "<c8", "<c16", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4"
 
 
 class _Process:
-    """A reading process and the clock that ends it."""
+    """A reading process and the clock that ends it after ``seconds``."""
 
     def __init__(self, file: IO[bytes], name: str, order: dict[str, Any], seconds: float) -> None:
         self.name = name
@@ -74,13 +70,9 @@ class _Process:
             stderr=subprocess.DEVNULL,
             env=environment(),
         )
-        self.clock = self.start(START_SECONDS)
-
-    def start(self, seconds: float) -> threading.Timer:
-        clock = threading.Timer(seconds, self.end)
-        clock.daemon = True
-        clock.start()
-        return clock
+        self.clock = threading.Timer(seconds, self.end)
+        self.clock.daemon = True
+        self.clock.start()
 
     def end(self) -> None:
         self.late = True
@@ -125,10 +117,6 @@ class _Process:
         return line
 
     def answer(self) -> dict[str, Any]:
-        if self.line() != READY:
-            raise self.broken()
-        self.clock.cancel()
-        self.clock = self.start(self.seconds)
         try:
             header = json.loads(self.line())
         except (ValueError, RecursionError):
@@ -161,14 +149,10 @@ def _hash(file: IO[bytes]) -> str:
     return digest
 
 
-def _work_is_limited() -> bool:
-    """Return True if the system counts and limits the work of the reading process; Windows does not."""
-    return find_spec("resource") is not None
-
-
 def reading_fault() -> str | None:
     """Say what this system does not limit while a binary file is read; None where every limit holds."""
-    if not _work_is_limited():
+    if not find_spec("resource"):
+        # as on Windows
         return "nothing but the time"
     return None if Path(MEMORY_STATUS).exists() else "everything but the memory"
 
@@ -184,9 +168,7 @@ def _check_extra(name: str, form: str) -> None:
 
 
 def _seconds(size: int, form: str) -> float:
-    row = _READERS[form]
-    seconds = WAIT_SECONDS + size / min(WAIT_RATE, row.rate)
-    return seconds if _work_is_limited() or row.slow else seconds / _UNCOUNTED_WAIT_DIVISOR
+    return WAIT_SECONDS + size / min(WAIT_RATE, _READERS[form].rate)
 
 
 @contextmanager
@@ -340,8 +322,6 @@ def main() -> None:
     largest = tree.largest_bytes(size)
     _rehearse(walk, getattr(module, row.sample)() if row.sample else b"")
     confine(READER_BYTES + _COPIES * largest, row.seconds + size / row.rate)
-    sys.stdout.buffer.write(READY)
-    sys.stdout.buffer.flush()
     wanted = order["wanted"]
     try:
         try:

@@ -14,8 +14,8 @@ from rsgen.common.output import write_atomic
 from tests.attacks.program import Row, print_rows
 
 COUNTS = {
-    "kills": 300, "pool": 20, "cache": 30, "output": 20, "readers": 5000, "expressions": 20_000,
-    "loops": 3000, "cases": 10_000, "surroundings": 60, "many": 500,
+    "kills": 300, "pool": 20, "cache": 30, "readers": 5000, "expressions": 20_000, "cases": 10_000,
+    "surroundings": 60,
 }  # fmt: skip
 """The modules, in the order of the table, and how often each attack is made."""
 

@@ -1,4 +1,4 @@
-"""Attacks on the reading of texts: random and pathological force laws, each derived in a child process.
+"""Attacks on the reading of texts: random and pathological laws, each derived in a child process.
 
 ``python -m tests.attacks expressions=20000``. A text is a number: with the
 seed it is the same on every machine, and ``python -m tests.attacks.expressions --only NUMBER`` repeats it.
@@ -30,6 +30,16 @@ def text_of(number: int, seed: int) -> tuple[str, str]:
     return make.__name__, make(rng)
 
 
+def law_of(number: int, seed: int) -> tuple[str, str, tuple[str, ...]]:
+    """Name, force and equations of an attack: a fifth are virgin curves, or rates of a state."""
+    name, text = text_of(number, seed)
+    if number % 10 == 3:
+        return f"virgin curve: {name}", f"k*x + masing(x*({text}) + Min(kt*x, Fs))", ()
+    if number % 10 == 8:
+        return f"state: {name}", "k*x + c*v + z", (f"z = v - ({text})*z",)
+    return name, text, ()
+
+
 def answer(text: str, memory: Sequence[str] = (), *, json: bool = False) -> str:
     """Derive a text as ``rsgen derive`` does, and find the units of its parameters."""
     with warnings.catch_warnings():
@@ -49,9 +59,9 @@ def answer(text: str, memory: Sequence[str] = (), *, json: bool = False) -> str:
 
 
 def attack(number: int, seed: int) -> Outcome:
-    name, text = text_of(number, seed)
+    name, text, memory = law_of(number, seed)
     # words and JSON in turn: what both share takes nearly all of the time
-    outcome = measured(number, name, lambda: answer(text, json=bool(number % 2)))
+    outcome = measured(number, name, lambda: answer(text, memory, json=bool(number % 2)))
     return judged(outcome, SECONDS, MEGABYTES)
 
 
@@ -60,4 +70,4 @@ def run(count: int, seed: int) -> list[dict[str, str]]:
 
 
 if __name__ == "__main__":
-    command(attack, text_of)
+    command(attack, law_of)

@@ -12,8 +12,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and 
 
 
 ATTACKS = {
-    "kills": 10, "pool": 2, "cache": 6, "output": 30, "readers": 200, "expressions": 150, "loops": 40,
-    "cases": 400, "surroundings": 24, "many": 12,
+    "kills": 10, "pool": 2, "cache": 6, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24,
 }  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from rsgen import figures
 from rsgen.describing.derivation import derive
 from rsgen.identification.modal_table import modal_table
 from rsgen.law.element import make_element
-from rsgen.report.figures import Drawing, number_text, quantity_text, unit_text
+from rsgen.report.figures import Drawing, number_text
 from rsgen.report.figures.drawing import colour_bar, lay_out, new_figure, project_style
 from rsgen.report.figures.equivalent import backbone
 from tests.samples import C1, K1, KN1, cubic_identification, cubic_prediction, cubic_surface
@@ -156,13 +156,6 @@ def test_printed_numbers_can_be_read_back(value, digits):
         exponent = power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
         text = f"{mantissa}e{exponent}"
     assert float(text) == pytest.approx(value, rel=0.5001 * 10 ** (1 - digits), abs=1e-300)
-
-
-def test_units_are_printed_as_written_by_hand():
-    assert unit_text("N*s^2/m^2") == "N·s²/m²"
-    assert quantity_text(5920.0, "N/m") == "5.92 kN/m"
-    assert quantity_text(0.0, "m") == "0 m"
-    assert quantity_text(float("nan"), "m") == "not known m"
 
 
 def test_text_of_a_figure_is_never_mathematics():

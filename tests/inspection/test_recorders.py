@@ -2,7 +2,6 @@
 
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -41,28 +40,6 @@ def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path):
     assert tables["force"] == {"samples": "Signal_1/y_values/values", "unit": "N"}
     assert tables["channels"]["wing1_z"]["samples"] == "Signal_2/y_values/values"
     assert tables["channels"]["wing1_z"]["unit"] == "g"
-
-
-def test_headers_beside_the_data_of_a_recorder(tmp_path):
-    arrays: dict[str, Any] = {"Sample_rate": RATE}
-    named = (
-        ("Force cell", FORCE, "Newtons"),
-        ("Tip", ACCELERATION, "m/s²"),
-        ("Root", 0.4 * ACCELERATION, "m/s²"),
-    )
-    for number, (name, values, unit) in enumerate(named, start=1):
-        arrays[f"Channel_{number}_Data"] = values
-        arrays[f"Channel_{number}_Header"] = {"SignalName": name, "Unit": unit}
-    path = tmp_path / "a.mat"
-    scipy.io.savemat(path, arrays)
-    tables, surface, _doubts = read_draft(path)
-    assert tables["force"] == {"samples": "Channel_1_Data", "unit": "N"}
-    assert {name: channel["samples"] for name, channel in tables["channels"].items()} == {
-        "tip": "Channel_2_Data",
-        "root": "Channel_3_Data",
-    }
-    exact = STIFFNESS - MASS * surface.omega**2 + 1j * surface.omega * DAMPING
-    assert np.median(np.abs(surface.force / surface.harmonics[:, 1] / exact - 1)) < 0.02
 
 
 def test_channels_without_names_are_not_guessed_silently(tmp_path):

@@ -1,6 +1,5 @@
 """Pages in a real browser: no request, no script, text as text, no sideways scroll on a phone."""
 
-import base64
 import re
 from dataclasses import replace
 from typing import Any
@@ -156,15 +155,3 @@ def test_a_phone_reads_the_index_from_top_to_bottom(chromium, pages):
     for parameter, true, first_order, refined, verdict in in_browser(chromium, visit):
         assert abs(verdict - parameter) < 8
         assert parameter < true < first_order < refined
-
-
-def test_print_gives_a_few_pages(chromium, pages):
-    async def visit(page: Page) -> str:
-        await page.show(pages["plain"].as_uri())
-        answer = await page.call("Page.printToPDF", preferCSSPageSize=True)
-        return str(answer["data"])
-
-    document = base64.b64decode(in_browser(chromium, visit))
-    assert document.startswith(b"%PDF")
-    count = len(re.findall(rb"/Type\s*/Page\b", document))
-    assert 3 <= count <= 10

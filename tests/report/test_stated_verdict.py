@@ -153,12 +153,3 @@ def test_what_a_case_is_to_change_is_said_to_python_users_too(code):
     for text in [said] if isinstance(said, str) else said.values():
         if re.search(r"\[identify\]|\[system\]|test\.response|\(rsgen |in the case", text):
             assert "in Python" in text, text
-
-
-@pytest.mark.parametrize("mean", [True, False])
-def test_an_even_term_is_advised_by_its_name_and_an_offset_where_a_mean_was_recorded(mean):
-    names = {"term": "x**4"} | ({"mean": "recorded"} if mean else {})
-    step = next_step(Finding("even-force-missing", "doubt", names=names))
-    assert step.startswith("Add x**4, times a coefficient, to the law")
-    # an accelerometer has none
-    assert ("offset" in step) is mean

@@ -169,6 +169,11 @@ FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "a changed file": (lambda place: (place / "report.html").write_text("my remarks"), "report.html"),
     "a pipe": (lambda place: os.mkfifo(place / "pipe"), "pipe"),
+    "a file in its place": (lambda place: (shutil.rmtree(place), place.write_text("mine")), "is no folder"),
+    "a link in its place": (
+        lambda place: (place.rename(place.parent / "mine"), place.symlink_to(place.parent / "mine")),
+        "is no folder",
+    ),
 }
 
 
@@ -295,10 +300,13 @@ def test_the_result_of_another_case_file_of_the_same_name_stays(tmp_path):
     check_place(load_case(other), out)
 
 
+@posix
+@pytest.mark.parametrize("link", [False, True])
 @pytest.mark.parametrize("name", ["index.html", "table1.md"])
-def test_a_file_with_the_name_of_the_index_stays(tmp_path, name):
+def test_a_file_with_the_name_of_the_index_stays(tmp_path, name, link):
     path, out = write_case(tmp_path), tmp_path / "out"
     out.mkdir()
+    (out / name).symlink_to(tmp_path / "home.html") if link else None
     (out / name).write_text("<html>my homepage</html>")
     with pytest.raises(RsgenError, match="was not written by rsgen"):
         run_cases([path], out)
