@@ -10,14 +10,6 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
 
 
-def test_text_and_bytes_come_back(tmp_path):
-    write_atomic(tmp_path / "a.txt", "Müller & Söhne\n")
-    write_atomic(tmp_path / "a.bin", b"\x00\xff")
-    assert (tmp_path / "a.txt").read_bytes() == "Müller & Söhne\n".encode()
-    assert (tmp_path / "a.bin").read_bytes() == b"\x00\xff"
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.bin", "a.txt"]
-
-
 @pytest.mark.skipif(os.name != "posix", reason="permissions are POSIX")
 def test_mode_is_that_of_a_plain_file(tmp_path):
     (tmp_path / "plain").write_text("x")

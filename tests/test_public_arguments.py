@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Quantity
 from rsgen.data.oscillator import Model
 
 LAW = "k*x + c*v"
@@ -312,11 +311,6 @@ def test_the_force_of_a_driven_base_is_one_per_mass():
     assert driven.per_mass
     assert rs.identify(driven, LAW)["k"].unit == "N/m/kg"
     assert not replace(driven, per_mass=False).per_mass
-
-
-def test_one_determined_parameter_is_determined(found):
-    one = replace(found.outcome, numbers=found.outcome.numbers | {"identified": Quantity(1)})
-    assert rs.sentence(one).startswith("1 of 3 parameters is determined by 42 of 42 points")
 
 
 def test_rows_without_a_number_are_said_once(surface):

@@ -296,22 +296,6 @@ def test_the_fundamental_of_recorded_harmonics_is_the_force():
     np.testing.assert_array_equal(made.select(np.array([2, 0])).force_harmonics, harmonics[[2, 0]])
 
 
-def test_a_file_brings_every_column_back(tmp_path):
-    random = np.random.default_rng(1)
-    force, response, across = random.normal(size=(3, 3, 4)) + 1j * random.normal(size=(3, 3, 4))
-    force[:, 0], across[:, 0], response[:, 0] = force[:, 0].real, across[:, 0].real, response[:, 0].real
-    made = surface(force=force, response=response, across=across, per_mass=True, base="velocity")
-    save_surface(tmp_path / "s.h5", made)
-    read = load_surface(tmp_path / "s.h5")
-    for name in ("force", "force_harmonics", "harmonics", "across"):
-        np.testing.assert_array_equal(getattr(read, name), getattr(made, name))
-    assert (read.level_unit, read.force_unit, read.answer_unit) == ("m/s", "m/s^2", "m")
-    with h5py.File(tmp_path / "s.h5") as file:
-        assert [file[name].attrs["units"] for name in ("level", "force", "across")] == ["m/s", "m/s^2", "m"]
-    for words in ("force with 3 harmonics", "motion across", "velocity of the base", "per unit mass"):
-        assert words in repr(made)
-
-
 LAW = "k1*x + kn1*x**3 + c1*v"
 
 

@@ -210,8 +210,6 @@ class Case(Brief):
         "stiffness", "damping": formulas as the source prints them, in X, X0, omega and the parameters.
     units
         SI unit of each parameter and of "m"; "" where the law does not determine it.
-    warnings
-        Sentences about what is allowed but may be meant otherwise.
     ranked
         Whether the laws of the library compete with the case's own.
     """
@@ -229,7 +227,6 @@ class Case(Brief):
     accept: Mapping[str, float] = field(default_factory=dict)
     printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     ranked: bool = False
 
     def __post_init__(self) -> None:

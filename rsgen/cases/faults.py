@@ -126,8 +126,6 @@ def read_text(path: Path) -> str:
 
 
 def _refuse_shapes(text: str) -> None:
-    if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        raise CaseError([f"{len(text)} characters; a case file has at most {MAX_BYTES} bytes"])
     for number, line in enumerate(text.split("\n"), start=1):
         if len(line) > MAX_LINE:
             raise CaseError([f"line {number}: {len(line)} characters; at most {MAX_LINE} in a line"])
@@ -183,7 +181,7 @@ def parse_case(text: str) -> dict[str, Any]:
     Raises
     ------
     CaseError
-        Too large, too long a line, too many parts in a key, not TOML (with the line), nested too deeply,
+        Too long a line, too many parts in a key, not TOML (with the line), nested too deeply,
         a number out of range.
     """
     _refuse_shapes(text)

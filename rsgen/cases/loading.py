@@ -164,16 +164,6 @@ def _make(table: ElementTable) -> Element:
     return make_element(table.name, table.force, table.memory)
 
 
-def _place(element: Element, name: str) -> str:
-    """Key of an element in which a parameter stands: the force, else the equation of a state."""
-    remembered = memory_form(element.force)
-    if remembered is not None and symbol(name) not in remembered.force.free_symbols:
-        for rate in remembered.rates:
-            if symbol(name) in rate.rate.free_symbols:
-                return f"memory.{rate.symbol}"
-    return "force"
-
-
 def _key(name: str) -> str:
     return name if name.isidentifier() and len(name) <= 40 else quote(name)
 
@@ -196,7 +186,6 @@ class _Builder:
         self.document = document
         self.maker = Maker(folders)
         self.faults = self.maker.faults
-        self.warnings: list[str] = []
         self.units_fit = True
         self.simulated = document.test.kind != "measured"
 
@@ -262,10 +251,6 @@ class _Builder:
             self.units_fit = False
             units = {}
         names = sorted({name for element in elements for name in element.parameters})
-        for name in names:
-            twins = [other for other in names if other != name and other.casefold() == name.casefold()]
-            if twins and name < min(twins):
-                self.warnings.append(f"parameters {name} and {', '.join(twins)} differ by case only")
         return {name: units.get(name, "") for name in names}
 
     def values(
@@ -299,9 +284,7 @@ class _Builder:
                 if name not in table and name != MASS:
                     known = f"known: {', '.join(sorted(k for k in table if k in units)) or 'none'}"
                     neither = f"has neither a value in [truth] nor an equation in element.{number}.memory"
-                    self.fault(
-                        f"element.{number}.{_place(element, name)}", f"{quote(name)} {neither}; {known}"
-                    )
+                    self.fault(f"element.{number}", f"{quote(name)} {neither}; {known}")
         if len(self.faults) == before and self.units_fit:
             # where the law alone does not determine the units, those of the values must at least fit together
             given = {name: unit_of(value) for name, value in table.items()}
@@ -433,7 +416,6 @@ class _Builder:
             printed=printed,
             # "1" is how units calls a plain number; downstream that is no unit
             units={**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"},
-            warnings=tuple(self.warnings),
             ranked=document.model == "rank",
         )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, is_dataclass, replace
 from itertools import pairwise
-from math import isfinite, nan
+from math import nan
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
@@ -67,20 +67,16 @@ def expand(
     start = None if table.start is None else quantity(f"{path}.start", table.start)
     stop = None if table.stop is None else quantity(f"{path}.stop", table.stop)
     count = table.count
-    if start is not None and start <= 0:
-        faults.append(f"{path}.start: is {start:g}; must be above 0")
-    if start is not None and stop is not None and count is not None:
-        if count == 1 and start != stop:
-            faults.append(f"{path}.count: is 1, but start and stop differ; at least 2 needed")
-        elif count > 1 and not start < stop:
-            faults.append(f"{path}.stop: is {stop:g}; must be above start, which is {start:g}")
     if len(faults) > before or start is None or stop is None or count is None or count > MAX_POINTS:
         return None
-    row = np.geomspace(start, stop, count) if table.spacing == "log" else np.linspace(start, stop, count)
-    if not (np.diff(row) > 0).all():
-        faults.append(f"{path}.count: is {count}; the values between {start:g} and {stop:g} would not differ")
-        return None
-    return row
+    if start > 0 and (start < stop if count > 1 else start == stop):
+        row = np.geomspace(start, stop, count) if table.spacing == "log" else np.linspace(start, stop, count)
+        if (np.diff(row) > 0).all():
+            return row
+    faults.append(
+        f"{path}: start {start:g}, stop {stop:g}, count {count}; ascending values above 0 are needed"
+    )
+    return None
 
 
 def _listed_levels(
@@ -96,15 +92,9 @@ def _listed_levels(
     known = [number for number in numbers if number is not None]
     if len(known) < len(numbers):
         return None
-    if not all(isfinite(number) and number > 0 for number in known):
-        faults.append(f"{path}.values: must all be above 0")
-        return None
-    for position, (left, right) in enumerate(pairwise(known), start=2):
+    for position, (left, right) in enumerate(pairwise((0.0, *known)), start=1):
         if not left < right:
-            fault = "stands twice" if left == right else "is below the value before it"
-            faults.append(
-                f"{path}.values.{position}: {right:g} {fault}; ascending values without repeats needed"
-            )
+            faults.append(f"{path}.values.{position}: is {right:g}; ascending values above 0 are needed")
             return None
     return np.array(known)
 

@@ -70,6 +70,12 @@ def quote(text: object, limit: int = 60) -> str:
     return repr(escaped) + ("..." if len(shown) > limit else "")
 
 
+def shown(text: object, longest: int = 40) -> str:
+    """Show a text of a formula or a unit in a message: in quotes, ASCII, cut to ``longest`` characters."""
+    plain = text if isinstance(text, str) else repr(text)
+    return ascii(plain if len(plain) <= longest else plain[: longest - 3] + "...")
+
+
 def shown_path(path: str | os.PathLike[str]) -> str:
     """Show a path in a message as it was typed: relative if it was, in quotes where it holds odd signs."""
     text = os.fspath(path)

@@ -13,8 +13,8 @@ from types import TracebackType
 
 import sympy
 
-from rsgen.common.errors import ExpressionError
-from rsgen.formula.names import Masing, Structural, shown
+from rsgen.common.errors import ExpressionError, shown
+from rsgen.formula.names import Masing, Structural
 
 # ----------------------------------------------------------------------------
 # Faults of the algebra library on hostile texts become a refusal of the law, with its kind.

@@ -16,7 +16,7 @@ from typing import Any
 
 import sympy
 
-from rsgen.common.errors import ExpressionError
+from rsgen.common.errors import ExpressionError, shown
 
 FUNCTIONS = (
     "abs", "Abs", "sign", "Piecewise", "Min", "Max", "Heaviside", "sqrt", "exp", "log", "ln", "sin", "cos",
@@ -39,12 +39,6 @@ _POSITIVE = frozenset({"X", "omega"})
 _LEGAL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _MAX_CHARACTERS = 40
 _FORM = f"a name is a letter followed by letters, digits and _, at most {_MAX_CHARACTERS} characters"
-
-
-def shown(text: object, longest: int = 40) -> str:
-    """Text from a file as it may stand in a message: quoted, ASCII, cut to ``longest`` characters."""
-    plain = text if isinstance(text, str) else repr(text)
-    return ascii(plain if len(plain) <= longest else plain[: longest - 3] + "...")
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:

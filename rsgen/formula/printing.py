@@ -16,9 +16,9 @@ from typing import ClassVar
 
 import sympy
 
-from rsgen.common.errors import ExpressionError
+from rsgen.common.errors import ExpressionError, shown
 from rsgen.formula.bounds import MAX_DERIVED_BITS, MAX_DIGITS
-from rsgen.formula.names import STATES, Masing, State, Structural, free_symbols, shown, symbol
+from rsgen.formula.names import STATES, Masing, State, Structural, free_symbols, symbol
 
 # ----------------------------------------------------------------------------
 # The order in which a person writes terms and factors: low degrees first, coefficients in front.

@@ -12,7 +12,7 @@ from typing import Any
 import mpmath
 import sympy
 
-from rsgen.common.errors import ExpressionError
+from rsgen.common.errors import ExpressionError, shown
 from rsgen.formula.bounds import (
     MAX_CHOICES,
     MAX_DEPTH,
@@ -27,7 +27,7 @@ from rsgen.formula.bounds import (
     refusal,
     scan,
 )
-from rsgen.formula.names import CONSTANTS, FUNCTIONS, Masing, Structural, closest, shown, symbol
+from rsgen.formula.names import CONSTANTS, FUNCTIONS, Masing, Structural, closest, symbol
 
 # ----------------------------------------------------------------------------
 # What was probably meant by a name or function that the language does not have.

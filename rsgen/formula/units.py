@@ -11,7 +11,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rsgen.common.errors import RsgenError
+from rsgen.common.errors import RsgenError, shown
 from rsgen.formula.unit_text import MAX_UNIT_CHARACTERS, NUMBER, Dimension, read_unit
 
 _MAX_CHARACTERS = 2 * MAX_UNIT_CHARACTERS
@@ -32,24 +32,19 @@ _SQUARE = re.compile(r"(?<![A-Za-z_])(s|sec)2(?![0-9.])")
 """m/s2, as loggers without a raised two write it."""
 
 
-def _shown(value: object) -> str:
-    text = value if isinstance(value, str) else repr(value)
-    return ascii(text if len(text) <= 40 else text[:37] + "...")
-
-
 def _split(text: str) -> tuple[Fraction, str]:
     if len(text) > _MAX_CHARACTERS:
         raise RsgenError(
-            f"{_shown(text)} has {len(text)} characters, at most {_MAX_CHARACTERS} are allowed; {_USAGE}"
+            f"{shown(text)} has {len(text)} characters, at most {_MAX_CHARACTERS} are allowed; {_USAGE}"
         )
     match = _NUMBER.fullmatch(text)
     if text.startswith(UNKNOWN):
-        raise RsgenError(f"{_shown(text)} is not known yet: write a number in place of the question mark")
+        raise RsgenError(f"{shown(text)} is not known yet: write a number in place of the question mark")
     if match is None:
-        raise RsgenError(f"{_shown(text)} is not a number with a unit; {_USAGE}")
+        raise RsgenError(f"{shown(text)} is not a number with a unit; {_USAGE}")
     unit = match[2].rstrip(" ")
     if unit.startswith(","):
-        raise RsgenError(f"{_shown(text)} has a comma; write a decimal point, such as 5.92")
+        raise RsgenError(f"{shown(text)} has a comma; write a decimal point, such as 5.92")
     return Fraction(match[1]), unit
 
 
@@ -118,7 +113,7 @@ def sensor_factor(text: str, unit: str, target: str) -> float:
     why = str(faults[0]).replace("standard_gravity", "g")
     if "needed" in why:
         numbers = "unit is that of the numbers in the file, as V for 22.5 mV/N"
-        why = f"{_shown(text)} makes no {target} of {unit}; {numbers}"
+        why = f"{shown(text)} makes no {target} of {unit}; {numbers}"
     raise RsgenError(why)
 
 
@@ -152,22 +147,22 @@ def quantity(value: object, unit: str | None = None) -> float:
     rsgen.common.errors.RsgenError: '5.92 kN' is a force, but N/m (a stiffness) is needed
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise RsgenError(f"{_shown(value)} is not a number; {_USAGE}")
+        raise RsgenError(f"{shown(value)} is not a number; {_USAGE}")
     if not isinstance(value, str):
-        return _finite(value, _shown(value))
+        return _finite(value, shown(value))
     number, text = _split(value)
     if not text:
         needed = f"; a unit such as {unit} is missing" if unit and unit != "1" else ""
-        raise RsgenError(f"{_shown(value)} is a number in quotes{needed}; {_USAGE}")
+        raise RsgenError(f"{shown(value)} is a number in quotes{needed}; {_USAGE}")
     try:
         found = read_unit(text)
     except RsgenError as fault:
-        raise RsgenError(f"{_shown(value)}: {fault}") from None
+        raise RsgenError(f"{shown(value)}: {fault}") from None
     if unit is not None:
         needed_dimension = read_unit(unit).dimension
         if found.dimension != needed_dimension:
-            raise RsgenError(_mismatch(_shown(value), number, text, found.dimension, needed_dimension, unit))
-    return _finite(number * found.factor, _shown(value))
+            raise RsgenError(_mismatch(shown(value), number, text, found.dimension, needed_dimension, unit))
+    return _finite(number * found.factor, shown(value))
 
 
 def _finite(number: float | Fraction, shown: str) -> float:

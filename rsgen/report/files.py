@@ -143,23 +143,24 @@ def write_report(
     else:
         subject = Subject.of_result(identification, place.resolve().name, title, source)
     spent = dict(durations or {})
-    found, compared = subject.with_units(identification), subject.with_units(comparison)
     save_records(surface, place)
-    if not found.model.force.has(Structural):
+    if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
-        write_atomic(place / "kernel.py", generate(found.model.force))
-    prediction, modal = _predicted(surface, found), tabulate_mode(surface, found)
-    printed = check_printed(subject, found)
+        write_atomic(place / "kernel.py", generate(identification.model.force))
+    prediction, modal = _predicted(surface, identification), tabulate_mode(surface, identification)
+    printed = check_printed(subject, identification)
     if modal.table is not None:
         write_atomic(place / "modal.csv", modal.table.to_csv())
-    result = build_result(subject, surface, found, compared, prediction, printed, spent, modal)
+    result = build_result(subject, surface, identification, comparison, prediction, printed, spent, modal)
     write_atomic(place / "result.json", result_text(result))
-    drawings = draw_all(subject, surface, found, prediction, modal)
+    drawings = draw_all(subject, surface, identification, prediction, modal)
     for drawing in drawings if figures is not None else ():
         write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(str(figures)))
     spent["report"] = time.perf_counter() - started
     provenance = collect_provenance(case, surface, spent, command)
-    page = render_page(subject, surface, found, compared, prediction, printed, drawings, provenance, modal)
+    page = render_page(
+        subject, surface, identification, comparison, prediction, printed, drawings, provenance, modal
+    )
     write_atomic(place / "report.html", page)
     if case is not None:
         results = known_results(case, surface, identification, comparison, prediction, drawings, modal)

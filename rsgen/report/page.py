@@ -201,8 +201,7 @@ def _verdict_context(
     """Return what a result is worth, what it means, and what warns of it."""
     verdict = verdict_of(identification, comparison, prediction)
     stated = sentences.state_verdict(verdict)
-    # what comes from the case stays as it is written there
-    warnings = [*subject.warnings, *map(full_sentence, identification.findings)]
+    warnings = list(map(full_sentence, identification.findings))
     return {
         "state": verdict.state,
         "verdict": stated["headline"],

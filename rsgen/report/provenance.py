@@ -8,23 +8,22 @@ import re
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import jinja2
 import sympy
 from markupsafe import Markup, escape
 
 import rsgen
-from rsgen.analysis.comparison import Comparison, Row
 from rsgen.cases.case import Case
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.bounds import MAX_CHARACTERS
-from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.results import Identification
 from rsgen.law.element import Element
 from rsgen.law.memory import with_equations
 
@@ -169,9 +168,6 @@ def collect_provenance(
 # ----------------------------------------------------------------------------
 # The subject of a report: the heading, the law, the truth; from a case file, or from the result alone.
 
-R = TypeVar("R", Identification, Comparison)
-E = TypeVar("E", Estimate, Row)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
@@ -183,7 +179,7 @@ class Subject:
         As in ``Case``; printable text, never markup.
     elements
         The springs and dampers that were identified.
-    truth, printed, units, warnings
+    truth, printed
         As in ``Case``, as far as they concern these elements.
     case
         Where all this comes from; None where a report is made without a case file.
@@ -195,8 +191,6 @@ class Subject:
     elements: tuple[Element, ...]
     truth: Mapping[str, float] | None = None
     printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
     case: Case | None = None
 
     @classmethod
@@ -204,8 +198,7 @@ class Subject:
         """Take over a case; what concerns another law than the identified one is left out."""
         case = case.with_model(identification.model_given)
         heading = (case.name, case.title or case.name, case.source, case.model.elements)
-        units = case.units if case.observation.calibrated else {}
-        return cls(*heading, case.truth, case.printed, units, case.warnings, case)
+        return cls(*heading, case.truth, case.printed, case)
 
     @classmethod
     def of_result(cls, identification: Identification, name: str, title: str, source: str) -> Subject:
@@ -213,18 +206,3 @@ class Subject:
         model = identification.model
         title = title or f"n(x, v) = {with_equations(model.force)}"
         return cls(name, title, source, model.elements)
-
-    def with_units(self, result: R) -> R:
-        """Return every estimate of a result the unit that the case knows and the law does not determine."""
-
-        def known(entry: E) -> E:
-            return entry and replace(entry, unit=entry.unit or self.units.get(entry.name, ""))
-
-        kinds = ("paper", "first_order", "refined")
-        if isinstance(result, Identification):
-            changed: Any = {kind: tuple(map(known, getattr(result, kind))) for kind in kinds}
-            return replace(result, **changed)
-        rows = (
-            replace(known(row), **{kind: known(getattr(row, kind)) for kind in kinds}) for row in result.rows
-        )
-        return replace(result, rows=tuple(rows))

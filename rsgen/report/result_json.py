@@ -177,7 +177,7 @@ def build_result(
         "passed": comparison.passed,
         "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
         "outcome": sentence(identification.outcome),
-        "warnings": [*subject.warnings, *map(sentence, identification.findings)],
+        "warnings": list(map(sentence, identification.findings)),
         "findings": [finding.to_dict() for finding in identification.findings],
         "mass": finite_or_none(identification.mass),
         "fixed": fixed_entry(identification),

@@ -54,7 +54,7 @@ def pages(tmp_path_factory):
     write("plain")
     write("wide", printed={"stiffness": parse(long)})
     texts = {"title": titles[0] + titles[1], "source": "".join(titles)[:500], "text": "\n".join(titles)}
-    hostile = write("hostile", **texts, warnings=titles)
+    hostile = write("hostile", **texts)
     doubts = [
         Finding("law-does-not-fit", severity, numbers={"misfit": 0.3}) for severity in ("error", "doubt")
     ]
@@ -122,7 +122,7 @@ def test_axe_finds_nothing(chromium, pages, name):
 def test_hostile_texts_are_shown_as_they_are(chromium, pages):
     async def visit(page: Page) -> tuple[list[str], str]:
         await page.show(pages["hostile"].as_uri())
-        items = "[...document.querySelectorAll('#warnings li')].map(item => item.textContent)"
+        items = "[...document.querySelectorAll('#provenance dd')].map(item => item.textContent)"
         return await page.ask(items), await page.ask("document.title")
 
     shown, title = in_browser(chromium, visit)

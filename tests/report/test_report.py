@@ -73,10 +73,9 @@ def drawings():
     return draw_all(cubic_subject(), SURFACE, IDENTIFICATION, PREDICTION)
 
 
-def page(drawings: Sequence[Any], **changes: Any) -> str:
+def page(drawings: Sequence[Any], found: Identification = IDENTIFICATION, **changes: Any) -> str:
     subject = cubic_subject(**changes)
-    printed = check_printed(subject, IDENTIFICATION)
-    parts = (subject, SURFACE, IDENTIFICATION, COMPARISON, PREDICTION, printed, drawings)
+    parts = (subject, SURFACE, found, COMPARISON, PREDICTION, check_printed(subject, found), drawings)
     return render_page(*parts, {"Versions": "rsgen"})
 
 
@@ -126,9 +125,7 @@ def test_page_needs_no_network_and_runs_nothing(drawings):
 def test_a_page_of_a_test_without_resonances_has_no_empty_table(drawings):
     assert "Resonances of the levels" in page(drawings)
     decay = replace(IDENTIFICATION, resonances=())
-    printed = check_printed(cubic_subject(), decay)
-    parts = (cubic_subject(), SURFACE, decay, COMPARISON, PREDICTION, printed, drawings)
-    assert "Resonances of the levels" not in render_page(*parts, {"Versions": "rsgen"})
+    assert "Resonances of the levels" not in page(drawings, decay)
 
 
 def test_page_can_be_found_through(drawings):
@@ -164,7 +161,8 @@ def test_a_page_says_where_higher_harmonics_part_the_points_from_the_formulas(sh
 @pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
 def test_titles_are_text(title):
     tame = Outline(page(empty_drawings()))
-    text = page(empty_drawings(), title=title, source=title, text=title, warnings=(title,), name="cubic")
+    found = replace(IDENTIFICATION, findings=(Finding.note(title),))
+    text = page(empty_drawings(), found, title=title, source=title, text=title, name="cubic")
     text.encode("utf-8")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f\u202a-\u202e\u2066-\u2069]", text)
     outline = Outline(text)

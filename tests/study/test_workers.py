@@ -67,17 +67,10 @@ def test_where_no_process_can_be_begun_every_call_says_so(answers, tmp_path):
     path, future = write_case(tmp_path), Future()
     future.set_exception(found[0])
     (fault,) = _outcome(future, load_case(path)).faults
-    assert fault == f"{path}: no process could be begun for it; try it with --jobs 1 (OSError: no semaphores)"
+    assert fault.startswith(f"{path}: its worker was lost or could not be begun")
+    assert fault.endswith("try it alone with --jobs 1 (OSError: no semaphores)")
 
 
 def test_a_call_whose_process_is_lost_gets_a_second_one_and_no_third(answers):
     assert answers(1, ["a", KILLED], ["b", "c"]) == ["a", "b", "c"]
     assert answers(1, [KILLED], [KILLED], ["b", "c"]) == [KILLED, "b", "c"]
-
-
-@pytest.mark.parametrize("kind", [OSError, BrokenProcessPool])
-def test_a_lost_worker_and_one_never_begun_are_told_apart(tmp_path, kind):
-    future: Future = Future()
-    future.set_exception(kind("why"))
-    (fault,) = _outcome(future, load_case(write_case(tmp_path))).faults
-    assert ("was lost" in fault) == (kind is BrokenProcessPool)

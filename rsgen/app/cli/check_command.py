@@ -93,7 +93,7 @@ def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:
     sized = planned is None or getattr(planned, "control", "") in ("response", "continuation")
     findings = (*table.findings, *size_findings(table, case)) if sized else ()
     finds_mass = case.model.mass is None and not table.per_mass
-    notes = [*case.warnings, *sentences_of_elements(case.model.elements)]
+    notes = sentences_of_elements(case.model.elements)
     lines = [f"note: {text}" for text in notes]
     # errors first; of one severity in the order in which to look at them
     severities = ("error", "doubt", "warning", "info")

@@ -241,13 +241,10 @@ def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
     if not isinstance(lost, Exception):
         raise lost
     text = " ".join(f"{type(lost).__name__}: {lost}".split())[:300]
-    if isinstance(lost, OSError | RuntimeError) and not isinstance(lost, BrokenExecutor):
-        fault = f"{shown_path(case.path)}: no process could be begun for it; try it with --jobs 1 ({text})"
-    else:
-        fault = (
-            f"{shown_path(case.path)}: its worker was lost, and a second one, perhaps for want of "
-            f"memory; try it alone with --jobs 1 ({text})"
-        )
+    fault = (
+        f"{shown_path(case.path)}: its worker was lost or could not be begun, and a second one too, perhaps "
+        f"for want of memory; try it alone with --jobs 1 ({text})"
+    )
     return CaseRun(case.path, case.path.stem, faults=(fault,))
 
 

@@ -187,7 +187,6 @@ def _finished(case: Case, folder: Path) -> CaseRun:
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
     fit = Entry(folder, result).fit()
     severities = [finding["severity"] for finding in result["findings"]]
-    of_case = len(result["warnings"]) - len(severities)
     return CaseRun(
         case.path,
         case.name,
@@ -199,7 +198,7 @@ def _finished(case: Case, folder: Path) -> CaseRun:
             *str(table_of((*fit.estimates, *fit.background))).split("\n"),
             *(f"  {line}" for line in mass_lines(fit.estimates)),
         ),
-        warnings=severities.count("warning") + of_case,
+        warnings=severities.count("warning"),
         notes=severities.count("info"),
     )
 
