@@ -1,4 +1,4 @@
-"""Whole runs ended at random moments: what they leave, and what the next run makes of it.
+"""Runs, or a worker of one, ended at random moments: what they leave, and what the next run makes of it.
 
 ``python -m tests.attacks kills=300``
 """
@@ -10,7 +10,7 @@ import signal
 import time
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from tests.attacks import program
@@ -49,16 +49,25 @@ class Tally:
         ]
 
 
-def _signal(leader: int, number: signal.Signals, everybody: bool) -> bool:
-    """Send a signal to a run, or to all its processes as a terminal does; False where it is over."""
+def _signal(leader: int, number: signal.Signals, whom: str, out: Path) -> bool:
+    """Send a signal to a run, to all its processes as a terminal does, or to a worker; False if over."""
+    # a hidden folder names the process that fills it
+    workers = [int(folder.name.split(".")[2]) for folder in out.glob(".*.part")]
+    if whom == "a worker" and not workers:
+        return False
     with suppress(ProcessLookupError):
-        (os.killpg if everybody else os.kill)(leader, number)
+        (os.killpg if whom == "all" else os.kill)(workers[0] if whom == "a worker" else leader, number)
         return True
     return False
 
 
-def _codes(number: signal.Signals) -> tuple[int, ...]:
-    """Exit codes that a run may have: 0 came too late, the signal's own before Python listens."""
+def _codes(number: signal.Signals, whom: str) -> tuple[int, ...]:
+    """Exit codes that a run may have: 0 came too late, the signal's own before Python listens.
+
+    A worker that is killed costs its own case one more try, the others nothing.
+    """
+    if whom == "a worker":
+        return (0,)
     return (0, -number) if number == signal.SIGKILL else (0, 130, -number)
 
 
@@ -69,7 +78,8 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     """
     chance = random.Random(seed)
     number, jobs = chance.choice(SIGNALS), chance.choice(("1", "2"))
-    everybody, again, cold = chance.random() < 0.5, chance.random() < 0.5, chance.random() < 0.2
+    whom = chance.choice(("the run", "all", "a worker")[: 1 + int(jobs)])
+    again, cold = chance.random() < 0.5, chance.random() < 0.2
     around, out = program.environment(place), place / "out"
     if again:
         shutil.copytree(earlier / "out", out)
@@ -81,15 +91,15 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     words = ("run", *cases, "--out", out, "--jobs", jobs)
     process = program.start((*words, "--force") if again else words, env=around)
     time.sleep(chance.uniform(0.0, _NEXT_MOMENT) * seconds)
-    reached = process.poll() is None and _signal(process.pid, number, everybody)
+    reached = process.poll() is None and _signal(process.pid, number, whom, out)
     ended = program.end(process)
-    what = f"seed {seed}, {number.name}, {'all' if everybody else 'one'}, --jobs {jobs}"
+    what = f"seed {seed}, {number.name}, {whom}, --jobs {jobs}"
     tally.tried[f"{number.name} {'pooled' if jobs == '2' else 'alone'}"] += 1
-    tally.ended += reached and ended.code != 0
+    tally.ended += reached and (ended.code != 0 or whom == "a worker")
     lying, lost, orphans, left, talk = tally.found.values()
     lying += [f"{what}: {name}" for name in program.lies(out)]
     orphans += [what] * bool(ended.orphans)
-    fault = _spoken(ended, number)
+    fault = _spoken(ended, *_codes(number, whom))
     talk += [f"{what}: {fault}"] * bool(fault)
     # a result that had been moved aside comes back before anything is computed
     following = program.rsgen("run", *cases, "--out", out, "--jobs", "1", env=around)
@@ -102,10 +112,9 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     left += [f"{what}: {name}" for name in program.leftovers(out, place / "tmp", place / "cache")]
 
 
-def _spoken(ended: program.Ended, number: signal.Signals) -> str:
+def _spoken(ended: program.Ended, *codes: int) -> str:
     """Say what is wrong with how a killed run ended; orphans are counted elsewhere."""
-    alone = program.Ended(ended.code, ended.out, ended.err, ended.seconds, 0)
-    return alone.fault(*_codes(number))
+    return replace(ended, orphans=0).fault(*codes)
 
 
 def _undisturbed(place: Path) -> float:

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and 
 
 
 ATTACKS = {
-    "kills": 10, "pool": 2, "cache": 6, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24,
+    "kills": 12, "cache": 6, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24,
 }  # fmt: skip
 
 
