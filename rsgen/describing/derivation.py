@@ -23,11 +23,11 @@ import rsgen.describing  # adds memories, to laws that have one
 from rsgen.common.errors import require
 from rsgen.common.tolerances import ROUND_OFF
 from rsgen.describing.closed import ClosedPart, close
-from rsgen.describing.function import DescribingFunction, closed_mean, taken_as_positive
+from rsgen.describing.function import DescribingFunction, closed_mean, integrals_of, taken_as_positive
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
 from rsgen.formula.bounds import algebra_faults
-from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, renamed, symbol
+from rsgen.formula.names import STATE_V, STATE_X, X0, renamed, symbol
 from rsgen.law.element import Element, make_element
 from rsgen.law.forms import expanded, moves
 from rsgen.law.memory import memory_form
@@ -249,22 +249,12 @@ def _integrals(
     Where all of them vanish, the second value is the largest of them on the random cycles, relative to the
     mean absolute force; otherwise None.
     """
-    moving = {STATE_X: mean + X * sympy.sin(PHI), STATE_V: OMEGA * X * sympy.cos(PHI)}
-    along = remainder.xreplace(moving)
     trial = draw_trial(remainder, law.parameters, mean == 0, 3)
-    weights = (
-        (sympy.sin(PHI), 1 / (sympy.pi * X)),
-        (sympy.cos(PHI), 1 / (sympy.pi * OMEGA * X)),
-        (sympy.S.One, 1 / (2 * sympy.pi)),
-    )
     found, largest = [], 0.0
-    for place, (weight, factor) in enumerate(weights):
-        value, size = trial.reference[place], trial.size[place]
+    for integral, value, size in zip(integrals_of(remainder, mean), trial.reference, trial.size, strict=True):
         share = float(np.max(np.abs(value) / np.maximum(size, 1e-300), initial=0.0))
         vanishes = len(value) >= MIN_PROOF_CYCLES and share <= ROUND_OFF
-        outside, inside = (along * weight).as_independent(PHI, as_Add=False)
-        integral = outside * sympy.Integral(inside, (PHI, 0, 2 * sympy.pi))
-        found.append(sympy.S.Zero if vanishes else factor * integral)
+        found.append(sympy.S.Zero if vanishes else integral)
         largest = max(largest, share)
     return (found[0], found[1], found[2]), None if any(found) else largest
 

@@ -25,7 +25,7 @@ from rsgen.common.text_table import Brief
 from rsgen.describing.closed import MAX_TERMS, ClosedPart
 from rsgen.describing.quadrature import Cycle, project
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import X0, symbol
+from rsgen.formula.names import OMEGA, PHI, STATE_V, STATE_X, X0, X, symbol
 from rsgen.law.memory import equations_of
 from rsgen.law.normal_form import normal_form
 from rsgen.law.notation import latex
@@ -72,6 +72,14 @@ def taken_as_positive(names: Sequence[str]) -> tuple[str, ...]:
     """Return a remark on the parameters that formulas take as positive; none without such parameters."""
     remark = f"The formulas take {', '.join(names)} as positive; numbers are computed for either sign."
     return (remark,) if names else ()
+
+
+def integrals_of(force: sympy.Expr, mean: sympy.Expr) -> list[sympy.Expr]:
+    """Write stiffness, damping and mean force of f(x, v) on x = mean + X sin(phi) as integrals over phi."""
+    along = force.xreplace({STATE_X: mean + X * sympy.sin(PHI), STATE_V: OMEGA * X * sympy.cos(PHI)})
+    weights = (sympy.sin(PHI) / (sympy.pi * X), sympy.cos(PHI) / (sympy.pi * OMEGA * X), 1 / (2 * sympy.pi))
+    parts = [(along * weight).as_independent(PHI, as_Add=False) for weight in weights]
+    return [outside * sympy.Integral(inside, (PHI, 0, 2 * sympy.pi)) for outside, inside in parts]
 
 
 def _scaled(formula: sympy.Expr, factor: sympy.Expr) -> sympy.Expr:
@@ -227,10 +235,9 @@ class DescribingFunction(Brief):
         if remainder != 0:
             symbols = tuple(symbol(name) for name in self.parameters)
             fields = tuple(np.broadcast_to(values[name], X.shape) for name in self.parameters)
-            parts = project(remainder, symbols, Cycle(X, mean, omega, fields))
-            total[0] += parts.sine / (np.pi * X)
-            total[1] += parts.cosine / (np.pi * omega * X)
-            total[2] += parts.mean / (2 * np.pi)
+            cycle = Cycle(X, mean, omega, fields)
+            added = project(remainder, symbols, cycle).harmonics(cycle)
+            total = [sum_ + term for sum_, term in zip(total, added, strict=True)]
         return total
 
     def along(
@@ -404,8 +411,7 @@ def compare_printed(
 #
 # It solves the mean balance integral n(X0 + X sin(phi), omega X cos(phi)) dphi = 0. Some laws have several
 # roots; the one nearest to rest at which the mean force rises is returned, since a structure reaches it from
-# rest. It is bracketed by a scan of means up to 64 amplitudes and solved by Ridders' method (IEEE Trans.
-# Circuits Syst. 26 (1979) 979), for all cycles at once.
+# rest. It is bracketed by a scan of means up to 64 amplitudes and bisected, for all cycles at once.
 
 Balance = Callable[[Array, NDArray[np.intp]], Array]
 """Mean force at trial means (m,) for the cycles with these numbers (m,)."""
@@ -456,27 +462,19 @@ def solve_mean(balance: Balance, X: Array, stiffness: Array, flat: bool) -> Arra
     -------
     (n,) means [m]; nan where the mean force does not pass through zero.
     """
-    n = len(X)
     tiny = 1e-14 * np.abs(stiffness) * X
-    at_rest = balance(np.zeros(n), np.arange(n))
+    at_rest = balance(np.zeros(len(X)), np.arange(len(X)))
     result = np.where(np.abs(at_rest) <= tiny, 0.0, np.nan)
     rows = np.flatnonzero(np.isnan(result) & np.isfinite(at_rest))
-    _search(balance, rows, X, tiny, flat, result)
-    return result
-
-
-def _search(
-    balance: Balance, rows: NDArray[np.intp], X: Array, tiny: Array, flat: bool, result: Array
-) -> None:
-    """Bracket the rise through zero that is nearest to rest, and solve for it; nan if there is none."""
     if not len(rows):
-        return
+        return result
     trials = SCAN * X[rows, None]
     forces = balance(trials.ravel(), np.repeat(rows, len(SCAN))).reshape(trials.shape)
     zeroed = np.where(np.abs(forces) <= tiny[rows, None], 0.0, forces)
     low, high, found = _nearest_rise(trials, zeroed, flat)
-    found_rows = rows[found]
-    result[found_rows] = _refine(balance, found_rows, low[found], high[found], tiny[found_rows])
+    rows = rows[found]
+    result[rows] = _bisected(balance, rows, low[found], high[found], tiny[rows])
+    return result
 
 
 def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -492,51 +490,16 @@ def _nearest_rise(trials: Array, forces: Array, flat: bool) -> tuple[Array, Arra
     return trials[rows, place], trials[rows, place + 1], rising[rows, place]
 
 
-MAX_RIDDERS_STEPS = 80
+_HALVINGS = 54
+"""Of a bracket: to round-off."""
 
 
-def _refine(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, tiny: Array) -> Array:
-    """Solve in each bracket by Ridders' method; where the force is zero at one end, bisect to the edge."""
-    below, above = balance(low, rows), balance(high, rows)
-    best = np.where(above <= tiny, high, low)
-    active = np.flatnonzero((np.abs(below) > tiny) & (above > tiny))
-    for zero, nonzero, one_sided in (
-        (low, high, (np.abs(below) <= tiny) & (above > tiny)),
-        (high, low, (below < -tiny) & (np.abs(above) <= tiny)),
-    ):
-        edges = np.flatnonzero(one_sided)
-        best[edges] = _edge(balance, rows[edges], zero[edges], nonzero[edges], tiny[edges])
-    for _ in range(MAX_RIDDERS_STEPS):
-        if not len(active):
-            break
-        a, b, fa, fb = low[active], high[active], below[active], above[active]
-        middle = (a + b) / 2
-        fm = balance(middle, rows[active])
-        with np.errstate(all="ignore"):
-            point = middle + (middle - a) * -fm / np.sqrt(fm * fm - fa * fb)
-        point = np.where((point > a) & (point < b), point, middle)
-        fp = balance(point, rows[active])
-        # of the four points the two neighbours between which the force rises
-        first = np.minimum(middle, point), np.where(middle <= point, fm, fp)
-        second = np.maximum(middle, point), np.where(middle <= point, fp, fm)
-        low[active] = np.where(second[1] < 0, second[0], np.where(first[1] < 0, first[0], a))
-        below[active] = np.where(second[1] < 0, second[1], np.where(first[1] < 0, first[1], fa))
-        high[active] = np.where(second[1] < 0, b, np.where(first[1] < 0, second[0], first[0]))
-        above[active] = np.where(second[1] < 0, fb, np.where(first[1] < 0, second[1], first[1]))
-        best[active] = point
-        width = high[active] - low[active]
-        scale = np.maximum(np.abs(low[active]), np.abs(high[active]))
-        done = (width <= 4e-16 * scale) | (np.abs(fp) <= 0.01 * tiny[active]) | ~np.isfinite(fp)
-        active = active[~done]
-    return best
-
-
-def _edge(balance: Balance, rows: NDArray[np.intp], zero: Array, nonzero: Array, tiny: Array) -> Array:
-    """Bisect for the end of a range of means without force, between a mean in it and one outside."""
-    if not len(rows):
-        return zero
-    for _ in range(54):
-        middle = (zero + nonzero) / 2
-        outside = np.abs(balance(middle, rows)) > tiny
-        zero, nonzero = np.where(outside, zero, middle), np.where(outside, middle, nonzero)
-    return zero
+def _bisected(balance: Balance, rows: NDArray[np.intp], low: Array, high: Array, tiny: Array) -> Array:
+    """Bisect each bracket; where the force is zero at one end, for the end of the range without force."""
+    from_zero, to_zero = (np.abs(balance(end, rows)) <= tiny for end in (low, high))
+    passed = np.select([from_zero, to_zero], [tiny, -tiny], 0.0)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        above = balance(middle, rows) > passed
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    return np.where(to_zero, high, low)

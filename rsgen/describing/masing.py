@@ -18,7 +18,7 @@ import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.describing.closed import MAX_POWER, quarter
-from rsgen.describing.quadrature import Cycle, project
+from rsgen.describing.quadrature import Cycle, Projections, project
 from rsgen.describing.regimes import Reading, tidy
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X, symbol
@@ -78,20 +78,17 @@ class Branches:
 
     def harmonics(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
         """Return stiffness [N/m], damping [N s/m] and mean force [N] of cycles; arrays (n,)."""
-        return self.projected(X_, mean, omega, values)[:3]
+        found, cycle = self.projected(X_, mean, omega, values)
+        return found.harmonics(cycle)
 
-    def projected(self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]) -> list[Array]:
-        """Return stiffness, damping, mean force, and the mean absolute force as a stiffness [N/m]."""
+    def projected(
+        self, X_: Array, mean: Array, omega: Array, values: Mapping[str, Array]
+    ) -> tuple[Projections, Cycle]:
+        """Return the integrals over cycles (n,), and these cycles."""
         names = (X, X0, OMEGA, *map(symbol, self.parameters))
         fields = (X_, mean, omega, *(np.broadcast_to(values[name], X_.shape) for name in self.parameters))
-        found = project(self.force, names, Cycle(X_, mean, omega, fields))
-        per_length = 1 / (np.pi * X_)
-        return [
-            found.sine * per_length,
-            found.cosine * per_length / omega,
-            found.mean / (2 * np.pi),
-            found.size * per_length,
-        ]
+        cycle = Cycle(X_, mean, omega, fields)
+        return project(self.force, names, cycle), cycle
 
     def along(self, phi: Array, X_: float, mean: float, omega: float, values: Mapping[str, float]) -> Array:
         """Return the force [N] at phases (s,) of one cycle."""

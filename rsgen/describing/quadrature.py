@@ -71,6 +71,11 @@ class Projections(NamedTuple):
     size: Array
     error: Array
 
+    def harmonics(self, cycle: Cycle) -> list[Array]:
+        """Return stiffness [N/m], damping [N s/m] and mean force [N]; arrays (n,)."""
+        per_length = 1 / (np.pi * cycle.X)
+        return [self.sine * per_length, self.cosine * per_length / cycle.omega, self.mean / (2 * np.pi)]
+
 
 def switching_angles(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Array:
     """Return (n, s) angles in [-pi/2, 3 pi/2] at which a switch of the law may go on or off."""
@@ -302,8 +307,8 @@ class Trial:
     """
 
     cycle: Cycle
-    reference: tuple[Array, Array, Array]
-    size: tuple[Array, Array, Array]
+    reference: list[Array]
+    size: list[Array]
 
 
 def _thresholds(form: NormalForm, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Array:
@@ -364,10 +369,10 @@ def draw_trial(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], centred:
             break
     rows = np.flatnonzero(valid)
     cycle = _some(cycle, rows)
-    sine, cosine, mean, size, _ = (column[rows] for column in projections)
-    k, c, m = 1 / (np.pi * cycle.X), 1 / (np.pi * cycle.omega * cycle.X), 1 / (2 * np.pi)
+    found = Projections(*(column[rows] for column in projections))
+    sizes = Projections(*[found.size] * len(found))
     with np.errstate(over="ignore"):
-        return Trial(cycle, (sine * k, cosine * c, mean * m), (size * k, size * c, size * m))
+        return Trial(cycle, found.harmonics(cycle), sizes.harmonics(cycle))
 
 
 def _differences(values: list[Array], trial: Trial) -> float:

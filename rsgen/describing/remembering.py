@@ -22,7 +22,7 @@ import sympy
 
 from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import ExpressionError
-from rsgen.describing.function import DescribingFunction, Remembered, taken_as_positive
+from rsgen.describing.function import DescribingFunction, Remembered, integrals_of, taken_as_positive
 from rsgen.describing.masing import Branches, ClosedMasing, close_masing, decisive_in, loop_of, on_cycle
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, between_thresholds
 from rsgen.describing.regimes import Reading
@@ -237,13 +237,14 @@ def _worst(
     if levels:
         edges = np.broadcast_arrays(*compiled(levels, names)(*numbers), amplitude)[:-1]
         amplitude = between_thresholds(rng, np.sort(np.stack(edges, axis=1), axis=1), amplitude)
-    reference = branches.projected(amplitude, np.zeros(PROOF_CYCLES), omega, values)
+    found, cycle = branches.projected(amplitude, np.zeros(PROOF_CYCLES), omega, values)
+    reference, size = found.harmonics(cycle), found.size / (np.pi * amplitude)
     stiffness, damping = closed.evaluate(amplitude, omega, names, numbers)
     with np.errstate(all="ignore"):
         errors = np.maximum(np.abs(stiffness - reference[0]), omega * np.abs(damping - reference[1]))
         # without any force there is nothing to compare with: both must be zero
-        errors = np.where(reference[3] > 0, errors / reference[3], errors)
-    finite = np.isfinite(reference[3])
+        errors = np.where(size > 0, errors / size, errors)
+    finite = np.isfinite(size)
     if np.count_nonzero(finite) < MIN_PROOF_CYCLES:
         return float(np.inf)
     return float(np.max(np.where(np.isfinite(errors[finite]), errors[finite], np.inf)))
@@ -442,24 +443,16 @@ def _loop(force: sympy.Expr, parts: Parts) -> _Added:
         names = tuple(sorted({s.name for s in along.free_symbols} - {"x", "v", "X", "X0", "omega"}))
         evaluated = Branches(along, names)
     mean = sympy.S.Zero if parts.centred else X0
-    moving = {STATE_X: mean + X * sympy.sin(PHI), STATE_V: OMEGA * X * sympy.cos(PHI)}
-    shown = force_of_loop.xreplace(
-        {z: sympy.Function(z.name, real=True)(PHI) for z in memory.states} | moving
-    )
-    weights = (sympy.sin(PHI) / (sympy.pi * X), sympy.cos(PHI) / (sympy.pi * OMEGA * X), 1 / (2 * sympy.pi))
-    integrals = []
-    for weight in weights:
-        outside, inside = (shown * weight).as_independent(PHI, as_Add=False)
-        integrals.append(outside * sympy.Integral(inside, (PHI, 0, 2 * sympy.pi)))
+    states = {z: sympy.Function(z.name, real=True)(PHI) for z in memory.states}
+    stiffness, damping, balance = integrals_of(force_of_loop.xreplace(states), mean)
     memories: dict[sympy.Expr, sympy.Expr] = {curve.symbol: Masing(curve.virgin) for curve in memory.curves}
     memories |= {Inner(state.name, real=True): state for state in force.atoms(State)}
     remainder = force_of_loop.xreplace(memories)
     remark = f"No closed form is used for {readable(remainder)}; its loop is computed and projected."
-    balance = sympy.S.Zero if parts.centred else integrals[2]
     return _Added(
-        integrals[0],
-        integrals[1],
-        balance,
+        stiffness,
+        damping,
+        sympy.S.Zero if parts.centred else balance,
         evaluated,
         remainder=remainder,
         checked_to=error,

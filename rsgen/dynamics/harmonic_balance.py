@@ -13,8 +13,9 @@ back (alternating frequency-time: T. M. Cameron and J. H. Griffin, J. Appl. Mech
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -196,17 +197,9 @@ def hold_amplitude(
     loaded = load is not None and len(series.orders) > 1
     if load is not None:
         given[:, 2:] = series.real(load[:, list(series.orders)])[:, 2:]
-    found = (
-        (
-            part,
-            _Balance(
-                law, values, linear, omega[part], series, given[part], at[part], first=2, width=start.shape[1]
-            ).solve(MAX_TRIAL_STEPS, loaded=loaded),
-        )
-        for part in _blocks(len(omega), samples)
-    )
-    columns: dict[str, Any] = blocks_joined(len(omega), found, Response.columns())
-    return Response(**columns, load_orders=series.order_of[2:] if loaded else None)
+    balance = partial(_Balance, law, values, linear, series, first=2, width=start.shape[1])
+    found = _solved(balance, omega, given, at, samples, MAX_TRIAL_STEPS, loaded=loaded)
+    return replace(found, load_orders=series.order_of[2:]) if loaded else found
 
 
 def respond(
@@ -238,22 +231,27 @@ def respond(
     """
     series = _series(law, orders, samples)
     at, given = (series.real(part[:, list(series.orders)]) for part in (start, drive))
-    found = (
-        (
-            part,
-            _Balance(
-                law, values, linear, omega[part], series, given[part], at[part], first=0, width=start.shape[1]
-            ).solve(MAX_NEWTON_STEPS),
-        )
-        for part in _blocks(len(omega), samples)
-    )
-    columns: dict[str, Any] = blocks_joined(len(omega), found, Response.columns())
-    return Response(**columns)
+    balance = partial(_Balance, law, values, linear, series, first=0, width=start.shape[1])
+    return _solved(balance, omega, given, at, samples, MAX_NEWTON_STEPS)
 
 
-def _blocks(count: int, samples: int) -> list[slice]:
+def _solved(
+    balance: Callable[[Array, Array, Array], _Balance],
+    omega: Array,
+    given: Array,
+    at: Array,
+    samples: int,
+    steps: int,
+    *,
+    loaded: bool = False,
+) -> Response:
+    """Solve a balance of (n,) frequencies, given forces and motions (n, d) in blocks of points."""
     # of more samples fewer points, so that their arrays do not grow
-    return blocks(count, min(POINTS_PER_BLOCK, POINTS_PER_BLOCK * _MIN_SAMPLES // samples))
+    parts = blocks(len(omega), min(POINTS_PER_BLOCK, POINTS_PER_BLOCK * _MIN_SAMPLES // samples))
+    found = (
+        (part, balance(omega[part], given[part], at[part]).solve(steps, loaded=loaded)) for part in parts
+    )
+    return Response(**blocks_joined(len(omega), found, Response.columns()))
 
 
 def _series(law: ForceLaw, follow: tuple[int, ...], samples: int) -> FourierSeries:
@@ -274,8 +272,8 @@ class _Balance:
         law: ForceLaw,
         values: Array,
         linear: LinearPart,
-        omega: Array,
         series: FourierSeries,
+        omega: Array,
         given: Array,
         at: Array,
         *,

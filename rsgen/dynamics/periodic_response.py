@@ -60,7 +60,7 @@ class PeriodicResponse:
 
 
 class _Problem:
-    """The balance of one record: transforms, residual, tangent."""
+    """The balance of one record as a problem of Newton's method, with an iterative linear solver."""
 
     def __init__(
         self, law: ForceLaw, values: Array, mass: float, omega0: float, force: ComplexArray, samples: int
@@ -68,7 +68,8 @@ class _Problem:
         self.law, self.values, self.mass = law, values, mass
         self.force, self.samples, self.count = force, samples, len(force)
         self.rate = 1j * omega0 * np.arange(len(force))
-        self.step = 2 * np.pi / omega0 / samples
+        self.interval = 2 * np.pi / omega0 / samples
+        self._last: tuple[Array, ComplexArray, ComplexArray, ForceSample] | None = None
 
     def wave(self, spectrum: ComplexArray) -> Array:
         return waveform(spectrum, self.samples)
@@ -76,14 +77,17 @@ class _Problem:
     def spectrum(self, wave: Array) -> ComplexArray:
         return harmonics_of(wave, self.count)
 
-    def sample(self, motion: ComplexArray) -> ForceSample:
+    def left(self, unknowns: Array) -> tuple[ComplexArray, ForceSample]:
+        """Return what is left of the balance (H+1,) [N], and the law along the motion."""
+        if self._last is not None and np.array_equal(self._last[0], unknowns) and self._last[1] is self.force:
+            return self._last[2:]
+        motion = _parted(unknowns[0])
         x, v, a = (self.wave(motion * self.rate**power)[None] for power in range(3))
-        return self.law.sample(x, v, a, np.full((1, 1), self.step), self.values)
-
-    def residual(self, motion: ComplexArray) -> tuple[ComplexArray, ForceSample]:
-        sample = self.sample(motion)
+        sample = self.law.sample(x, v, a, np.full((1, 1), self.interval), self.values)
         force = np.broadcast_to(sample.force, (1, self.samples))[0]
-        return self.force - self.mass * self.rate**2 * motion - self.spectrum(force), sample
+        left = self.force - self.mass * self.rate**2 * motion - self.spectrum(force)
+        self._last = unknowns, self.force, left, sample
+        return left, sample
 
     def slopes(self, sample: ForceSample) -> tuple[Array, Array]:
         """dn/dx and dn/dv as waveforms."""
@@ -99,6 +103,29 @@ class _Problem:
             # (q, n, d, s) of one motion and one change
             moved = moved + np.sum(slope[:, 0] * perturbation(dx[None], dv[None, None])[:, 0, 0], axis=0)
         return self.spectrum(moved) + self.mass * self.rate**2 * change
+
+    def residual(self, rows: Rows, unknowns: Array) -> Array:
+        """(1, M)."""
+        return _joined(self.left(unknowns)[0])[None]
+
+    def step(self, rows: Rows, unknowns: Array) -> tuple[Array, Array, Array]:
+        """Newton's step by GMRES; the preconditioner is the tangent in second differences, sparse."""
+        left, sample = self.left(unknowns)
+        factors = scipy.sparse.linalg.splu(_differences(self.mass, *self.slopes(sample), self.interval))
+        size = unknowns.shape[1]
+        tangent, inverse = (
+            scipy.sparse.linalg.LinearOperator((size, size), matvec=product, dtype=np.float64)
+            for product in (
+                lambda z: _joined(self.product(sample, _parted(z))),
+                lambda z: _joined(self.spectrum(factors.solve(self.wave(_parted(z))))),
+            )
+        )
+        right = _joined(left)
+        move, _ = scipy.sparse.linalg.gmres(
+            tangent, right, M=inverse, rtol=_GMRES_TOLERANCE, restart=40, maxiter=3
+        )
+        moving = np.linalg.norm(move) / max(float(np.linalg.norm(unknowns)), 1e-300)
+        return right[None], move[None], np.array([moving])
 
 
 def periodic_response(
@@ -138,52 +165,13 @@ def periodic_response(
 
 
 def _solve(problem: _Problem, motion: ComplexArray) -> PeriodicResponse:
-    equations = _Equations(problem)
-    roots = newton(equations, _joined(motion)[None])
+    roots = newton(problem, _joined(motion)[None])
     found = _parted(roots.unknowns[0])
     size = float(np.linalg.norm(problem.force)) or 1.0
-    left = float(np.linalg.norm(problem.residual(found)[0])) / size
+    left = float(np.linalg.norm(problem.left(roots.unknowns)[0])) / size
     # a step that gains nothing is round-off there
     enough = SWITCHED_RESIDUAL if problem.law.switched else CONVERGED_STEP
     return PeriodicResponse(found, left, bool(roots.last_step[0] < CONVERGED_STEP or left < enough))
-
-
-class _Equations:
-    """The balance of one record as one problem of Newton's method, with an iterative linear solver."""
-
-    def __init__(self, problem: _Problem) -> None:
-        self._problem = problem
-        self._last: tuple[Array, ComplexArray, ForceSample] | None = None
-
-    def _left(self, unknowns: Array) -> tuple[ComplexArray, ForceSample]:
-        if self._last is None or not np.array_equal(self._last[0], unknowns):
-            self._last = (unknowns, *self._problem.residual(_parted(unknowns[0])))
-        return self._last[1:]
-
-    def residual(self, rows: Rows, unknowns: Array) -> Array:
-        """(1, M)."""
-        return _joined(self._left(unknowns)[0])[None]
-
-    def step(self, rows: Rows, unknowns: Array) -> tuple[Array, Array, Array]:
-        """Newton's step by GMRES; the preconditioner is the tangent in second differences, sparse."""
-        problem, (left, sample) = self._problem, self._left(unknowns)
-        by_x, by_v = problem.slopes(sample)
-        factors = scipy.sparse.linalg.splu(_differences(problem.mass, by_x, by_v, problem.step))
-        size = unknowns.shape[1]
-        tangent = scipy.sparse.linalg.LinearOperator(
-            (size, size), matvec=lambda z: _joined(problem.product(sample, _parted(z))), dtype=np.float64
-        )
-        inverse = scipy.sparse.linalg.LinearOperator(
-            (size, size),
-            matvec=lambda z: _joined(problem.spectrum(factors.solve(problem.wave(_parted(z))))),
-            dtype=np.float64,
-        )
-        right = _joined(left)
-        move, _ = scipy.sparse.linalg.gmres(
-            tangent, right, M=inverse, rtol=_GMRES_TOLERANCE, restart=40, maxiter=3
-        )
-        moving = np.linalg.norm(move) / max(float(np.linalg.norm(unknowns)), 1e-300)
-        return right[None], move[None], np.array([moving])
 
 
 def _joined(spectrum: ComplexArray) -> Array:

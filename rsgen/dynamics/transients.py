@@ -26,7 +26,7 @@ from rsgen.data import history
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
-from rsgen.dynamics.virtual_test import VirtualTest, level_grid
+from rsgen.dynamics.virtual_test import VirtualTest, declare_noise, declare_seed, level_grid
 from rsgen.formula.reading import parse
 from rsgen.law.memory import memory_form, with_memory
 
@@ -48,14 +48,10 @@ class HistoryTest(VirtualTest):
 
     duration: Annotated[float, Rule("Of each record: a sweep, or a decay.", unit="s", above=0)]
     rate: Annotated[float, Rule("Samples per second.", unit="Hz", above=0)]
-    noise_relative: float = declare(
-        0.0,
-        "White noise of force and displacement: its standard deviation over the largest sample of a record.",
-        at_least=0,
-        at_most=1,
-        key="noise.relative",
+    noise_relative: float = declare_noise(
+        "White noise of force and displacement: its standard deviation over the largest sample of a record."
     )
-    seed: int = declare(1, "Of the noise.", at_least=0, at_most=2**63 - 1, key="noise.seed")
+    seed: int = declare_seed("Of the noise.")
 
     def faults(self) -> Iterator[tuple[str, str]]:
         """Find what does not fit together: a field's name and what is wrong with it."""

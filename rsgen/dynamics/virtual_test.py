@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -88,6 +89,12 @@ class VirtualTest(Brief, PlannedTest):
         return {"Simulation": made, "Noise": noise if self.noise_relative else "none"}
 
 
+declare_noise = partial(declare, 0.0, at_least=0, at_most=1, key="noise.relative")
+"""Declares the noise of a virtual test, in the words of the help."""
+
+declare_seed = partial(declare, 1, at_least=0, at_most=2**63 - 1, key="noise.seed")
+"""Declares the seed of the noise."""
+
 _Base = Annotated[
     Literal["displacement", "velocity", "acceleration"] | None,
     Rule(
@@ -120,15 +127,10 @@ class SimulatedTest(VirtualTest):
     )
     harmonics: Annotated[int, HARMONICS] = USUAL_HARMONICS
     accuracy: Annotated[float, ACCURACY] = USUAL_ACCURACY
-    noise_relative: float = declare(
-        0.0,
-        "Complex Gaussian noise on force and response: standard deviation over amplitude.",
-        at_least=0,
-        at_most=1,
-        key="noise.relative",
-        required=True,
+    noise_relative: float = declare_noise(
+        "Complex Gaussian noise on force and response: standard deviation over amplitude.", required=True
     )
-    seed: int = declare(1, "Of the noise.", at_least=0, at_most=2**63 - 1, key="noise.seed")
+    seed: int = declare_seed("Of the noise.")
     method: Literal["time", "harmonic-balance"] = declare(
         "time",
         "time: time integration, as exact as asked. harmonic-balance: as exact as its harmonics are many, "
@@ -195,11 +197,6 @@ class SimulatedTest(VirtualTest):
     def in_time(self) -> bool:
         """True if the law is integrated in time."""
         return self.method == "time" and self.control == "force"
-
-    @property
-    def settles(self) -> bool:
-        """True if every point must settle to a steady state under a given force."""
-        return self.in_time
 
     @property
     def ends(self) -> Array:
@@ -370,14 +367,10 @@ class MultisineTest(VirtualTest):
     recorded: float = declare(
         4.0, "Highest recorded line over the highest excited one.", at_least=1, at_most=100
     )
-    noise_relative: float = declare(
-        0.0,
-        "White noise of each period on force and response: its rms over that of the signal.",
-        at_least=0,
-        at_most=1,
-        key="noise.relative",
+    noise_relative: float = declare_noise(
+        "White noise of each period on force and response: its rms over that of the signal."
     )
-    seed: int = declare(1, "Of phases and noise.", at_least=0, at_most=2**63 - 1, key="noise.seed")
+    seed: int = declare_seed("Of phases and noise.")
     base: _Base = None
 
     def __post_init__(self) -> None:

@@ -374,10 +374,12 @@ def _signs_at(
     x, rate = waveform(driven, samples), velocity / np.mean(velocity**2, axis=1, keepdims=True)
     amplitude, speed = np.sqrt(2 * np.mean(x**2, axis=1)), np.sqrt(np.mean(velocity**2, axis=1))
     place_of = 2 * x / amplitude[:, None] ** 2
-    by_stiffness = _stack([np.mean(by * place_of, axis=1) for by in sample.by_parameter], amplitude)
+    by_stiffness, by_damping = (
+        np.reshape([np.mean(by * along, axis=1) for by in sample.by_parameter], (-1, len(motion))).T
+        for along in (place_of, rate)
+    )
     # what takes energy at every instant is no spring, though friction that sticks has a part in phase
     dampers = [j for j in place.law.linear if takes_energy(sample.by_parameter[j] * velocity)]
-    by_damping = _stack([np.mean(by * rate, axis=1) for by in sample.by_parameter], amplitude)
     # of a law without springs, or without dampers, k(X) or c(X) is the round-off of its force
     least = ROUND_OFF * np.max(np.abs(sample.force), axis=1)
     k, c = np.mean(sample.force * place_of, axis=1), np.mean(sample.force * rate, axis=1)
@@ -389,11 +391,6 @@ def _signs_at(
         # some of the tested motions may live on what such a damper feeds, but not all together
         damping = {}
     return stiffness, damping
-
-
-def _stack(columns: list[Array], like: Array) -> Array:
-    """Stack columns (n,) to (n, columns), which may be none."""
-    return np.stack(columns, axis=1) if columns else np.zeros((len(like), 0))
 
 
 def runs_away(fit: Fit) -> bool:

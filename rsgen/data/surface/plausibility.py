@@ -14,8 +14,8 @@ equation, and reading it rightly mends it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from itertools import combinations
 from math import nan, pi
 
@@ -143,26 +143,6 @@ class Sizes:
             damping,
         )
 
-    def values(self) -> dict[str, float]:
-        """Return the known ones by name, and the stiffness m omega^2 [N/m]."""
-        known = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        known["stiffness"] = self.mass * (2 * np.pi * self.frequency) ** 2
-        return {name: value for name, value in known.items() if value > 0}
-
-    def ranges(self) -> Mapping[str, PhysicalRange]:
-        """Return the ranges for structures of this kind."""
-        small = self.displacement < _SMALL_STRUCTURES["displacement"].high
-        return RANGES | _SMALL_STRUCTURES if small and self.frequency > _MIN_FREQUENCY_SMALL else RANGES
-
-    def excess(self) -> dict[str, float]:
-        """Return by how many decades each quantity outside its range is above (positive) or below it."""
-        outside = {}
-        for name, value in self.values().items():
-            known = self.ranges()[name]
-            if not known.low <= value <= known.high:
-                outside[name] = float(np.log10(value / (known.high if value > known.high else known.low)))
-        return outside
-
 
 def _usable(surface: ResponseSurface) -> NDArray[np.intp]:
     good = surface.settled & np.isfinite(surface.harmonics[:, 1]) & np.isfinite(surface.force)
@@ -265,15 +245,22 @@ def _exchanged_levels(surface: ResponseSurface, rows: NDArray[np.intp]) -> Itera
 
 
 def size_findings(sizes: Sizes) -> Iterator[Finding]:
-    """Return a finding about the size farthest outside the range of vibration tests, if there is one."""
-    outside = sizes.excess()
+    """Return a finding about the size farthest outside the range of vibration tests, if there is one.
+
+    The stiffness is m omega^2 [N/m].
+    """
+    stiffness = sizes.mass * (2 * np.pi * sizes.frequency) ** 2
+    known = {name: value for name, value in (asdict(sizes) | {"stiffness": stiffness}).items() if value > 0}
+    small = sizes.displacement < _SMALL_STRUCTURES["displacement"].high
+    ranges = RANGES | _SMALL_STRUCTURES if small and sizes.frequency > _MIN_FREQUENCY_SMALL else RANGES
+    nearest = {name: min(max(value, ranges[name].low), ranges[name].high) for name, value in known.items()}
+    outside = [name for name, value in known.items() if value != nearest[name]]
     if not outside:
         return
-    worst, *others = sorted(outside, key=lambda name: -abs(outside[name]))
-    known, above = sizes.ranges()[worst], outside[worst] > 0
-    bound = known.high if above else known.low
-    numbers = {"value": Quantity(sizes.values()[worst], known.unit), "bound": Quantity(bound, known.unit)}
-    names = {"quantity": worst, "side": "above" if above else "below", "others": ", ".join(others)}
+    worst, *others = sorted(outside, key=lambda name: -abs(np.log10(known[name] / nearest[name])))
+    value, bound, unit = known[worst], nearest[worst], ranges[worst].unit
+    numbers = {"value": Quantity(value, unit), "bound": Quantity(bound, unit)}
+    names = {"quantity": worst, "side": "above" if value > bound else "below", "others": ", ".join(others)}
     yield Finding("size-impossible", "doubt", "", numbers, names)
 
 

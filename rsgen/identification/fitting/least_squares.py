@@ -43,6 +43,9 @@ _WATCHDOG_STEPS = 2
 """Steps after a full step that increases the sum of squares, in which it must decrease: the watchdog of
 Chamberlain, Powell, Lemarechal and Pedersen, Math. Programming Study 16, 1982."""
 
+_NEGLIGIBLE_STEP = 1e-6
+"""Relative change of all parameters by a full step below which the place is the minimum."""
+
 _MIN_OUTLIER_MISFIT = 3e-3
 """Relative misfit below which no point is an outlier: in exact data most points agree to round-off."""
 
@@ -329,28 +332,26 @@ def descend(
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     parameters, line = _solve_linear(linearise(parameters, nuisance), parameters, rules, used)
+    place = parameters, nuisance, line
     for _ in range(rules.steps):
-        good = used & line.predicted
+        good = used & place[2].predicted
         if not good.any():
             break
-        step = _Step.of(line, parameters, nuisance, rules, good)
+        step = _Step.of(place, rules, good)
         if step.gain < rules.gain:
-            return parameters, nuisance, line, True
-        before, reached = (parameters, nuisance, line), step.misfit < rules.attainable
-        parameters, nuisance, line, gained = _shortened(linearise, before, step, rules, good)
-        least = max(rules.gain, MISFIT_NEGLIGIBLE * step.rows) if reached else rules.gain
-        if gained >= least and step.relative >= ROUND_OFF:
+            return *place, True
+        place, decrease = _halved(linearise, place, step, rules, good)
+        if step.gained_enough(decrease, rules):
             continue
-        # of exact data truncated waveforms leave a misfit that steps change by less than half
-        exact = step.misfit < MISFIT_OF_NOISE
-        done = gained >= 0 or step.relative < 1e-6 or step.gain < (step.rows if exact else 1.0)
-        # kept slopes have no bend
-        straight = done or rules.attainable > 0 or rules.steps <= _WATCHDOG_STEPS
-        ahead = None if straight else _across_bend(linearise, before, step, rules, good)
+        converged = step.at_minimum(decrease)
+        # slopes that are kept from step to step have no bend
+        if converged or rules.attainable > 0 or rules.steps <= _WATCHDOG_STEPS:
+            return *place, converged
+        ahead = _across_bend(linearise, place, step, rules, good)
         if ahead is None:
-            return parameters, nuisance, line, done
-        parameters, nuisance, line = ahead
-    return parameters, nuisance, line, False
+            return *place, False
+        place = ahead
+    return *place, False
 
 
 Place = tuple[Array, Array, Linearisation]
@@ -381,8 +382,9 @@ class _Step:
     relative: float
 
     @classmethod
-    def of(cls, line: Linearisation, parameters: Array, nuisance: Array, rules: Rules, good: Mask) -> _Step:
+    def of(cls, place: Place, rules: Rules, good: Mask) -> _Step:
         """Solve for the parameters without nuisances, then for the nuisances of each point."""
+        parameters, nuisance, line = place
         flat, right = rules.equations(*eliminate(line), parameters, good)
         flat[:, list(rules.frozen)] = 0.0
         change, _, _ = rules.solve(flat, right, parameters)
@@ -395,14 +397,23 @@ class _Step:
         gain = (rules.cost(line.residual[good], parameters) - left) * right.size / max(left, 1e-300)
         return cls(change, moved, gain, float(np.sqrt(np.mean(right**2))), right.size, relative)
 
+    def gained_enough(self, decrease: float, rules: Rules) -> bool:
+        """Return True if the decrease of the sum of squares, in units of noise, is worth another step."""
+        attained = MISFIT_NEGLIGIBLE * self.rows if self.misfit < rules.attainable else 0.0
+        return decrease >= max(rules.gain, attained) and self.relative >= ROUND_OFF
+
+    def at_minimum(self, decrease: float) -> bool:
+        """Return True if a step that did not gain enough ends at the minimum; see the ends of ``descend``."""
+        # of exact data truncated waveforms leave a misfit that steps change by less than half
+        noise = self.rows if self.misfit < MISFIT_OF_NOISE else 1.0
+        return decrease >= 0 or self.relative < _NEGLIGIBLE_STEP or self.gain < noise
+
     def end(self, place: Place, rules: Rules, part: float = 1.0) -> tuple[Array, Array]:
         """Return parameters and nuisances after a part of the step."""
         return rules.move(place[0], part * self.change), place[1] + part * self.nuisance
 
 
-def _shortened(
-    linearise: Linearise, place: Place, step: _Step, rules: Rules, good: Mask
-) -> tuple[Array, Array, Linearisation, float]:
+def _halved(linearise: Linearise, place: Place, step: _Step, rules: Rules, good: Mask) -> tuple[Place, float]:
     """Halve a step until it lowers the sum of squares; return its end, and the decrease in units of noise.
 
     Where no length does, it is the place itself, and -1.
@@ -417,8 +428,8 @@ def _shortened(
         before = rules.cost(place[2].residual[both], place[0])
         after = rules.cost(trial.residual[both], parameters)
         if after <= before:
-            return parameters, nuisance, trial, (before - after) * step.rows / max(after, 1e-300)
-    return *place, -1.0
+            return (parameters, nuisance, trial), (before - after) * step.rows / max(after, 1e-300)
+    return place, -1.0
 
 
 def _across_bend(linearise: Linearise, place: Place, step: _Step, rules: Rules, good: Mask) -> Place | None:
@@ -460,7 +471,7 @@ def _agreeing(place: Place, rules: Rules, used: Mask, neighbours: NDArray[np.int
     One outlier pulls the fit off its neighbours: outliers that are neighbours are judged again after a step
     without them. Where outliers are neighbours after two rounds, the law is wrong: none is excluded.
     """
-    parameters, nuisance, line = place
+    line = place[2]
     (residual, matrix), predicted = eliminate(line), line.predicted
     freedom = line.residual.shape[1] - line.by_nuisance.shape[2]
     # force and fundamental have twice as many rows as nuisances
@@ -475,7 +486,7 @@ def _agreeing(place: Place, rules: Rules, used: Mask, neighbours: NDArray[np.int
         if neighbours is None or np.sum(outliers[neighbours].all(axis=1)) <= few * len(neighbours) + 2:
             return predicted & ~outliers
         used = used & ~outliers
-        residual -= matrix @ _Step.of(line, parameters, nuisance, rules, used).change
+        residual -= matrix @ _Step.of(place, rules, used).change
     return predicted
 
 
@@ -517,8 +528,7 @@ def summarise(
     variance = float(right @ right) / freedom
     fisher = inverse @ inverse.T * variance
     distance = np.sum(residual**2, axis=1)
-    matrix[~used] = 0.0
-    residual[~used] = 0.0
+    matrix[~used], residual[~used] = 0.0, 0.0
     flat = matrix.reshape(residual.size, len(parameters))
     rows = (flat @ inverse).reshape(*residual.shape, inverse.shape[1])
     # the sandwich covariance stays valid if the noise is another: of independent noise the larger is taken

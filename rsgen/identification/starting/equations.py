@@ -220,11 +220,6 @@ def _fundamental(signal: Array) -> NDArray[Any]:
     return np.where(constant, 0.0, project(signal, 1))
 
 
-def _columns(columns: list[NDArray[Any]], count: int) -> NDArray[Any]:
-    """Stack columns (count,) to (count, columns), which may be none."""
-    return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
-
-
 def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bool) -> tuple[Array, Array]:
     """Return rows for the work of the spring between the turning points, zero for light damping."""
     nodes, weights = np.polynomial.legendre.leggauss(40)
@@ -235,7 +230,7 @@ def _turning_rows(equations: Equations, law: ForceLaw, values: Array, scaled: bo
         sample = law.still(x, values)
         share = end[:, None] * weights / 2
         signals, force = _parts(law, sample, values, scaled)
-        parts.append(_columns([np.sum(signal * share, axis=1) for signal in signals], len(high)))
+        parts.append(np.reshape([np.sum(signal * share, axis=1) for signal in signals], (-1, len(high))).T)
         works.append(np.sum(force * share, axis=1))
     scale = (equations.weight / np.abs(equations.harmonics[:, 1]))[:, None]
     return (parts[0] - parts[1]) * scale, -(works[0] - works[1]) * scale[:, 0]
