@@ -113,3 +113,9 @@ def test_forces_are_judged_over_the_tested_range(combined):
     assert row.relative_error == pytest.approx(0.3e5 * largest**3 / force, rel=1e-3)
     assert not row.passed
     assert row.unit == "N"
+
+
+def test_a_comparison_says_what_its_rows_are(fits):
+    text = str(rs.compare_fits(fits[0]))
+    for row in ("shift: ", "misfit: ", "significance: "):
+        assert row in text

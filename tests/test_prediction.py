@@ -12,7 +12,7 @@ from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.prediction.resonance_curves import as_identification
-from rsgen.identification.results.result import held_out_lines
+from rsgen.identification.results.remarks import held_out_lines
 from rsgen.law.element import make_element
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from rsgen.report.figures.responses import draw_held_out, draw_responses
@@ -83,7 +83,10 @@ def test_the_error_that_is_stated_is_the_one_that_is_judged(wrong, severities):
     assert (item.error < 2 * found.residual) is (not severities)
     missed = [finding for finding in found.findings if finding.code == "held-out-missed"]
     assert [(one.severity, one["error"]) for one in missed] == [(one, item.error) for one in severities]
-    assert f"{100 * item.error:.2g} %, {wrong} of {len(item.frequency)} points not at all" in str(found)
+    said = f"{100 * item.error:.2g} %, {wrong} of {len(item.frequency)} points not at all"
+    assert said in str(found)
+    # no error is called small beside a law that is doubted
+    assert ("is small" in str(found)) is found.verdict.usable
 
 
 def test_curves_pass_through_the_measured_points(quintic):
@@ -119,6 +122,23 @@ def test_extrapolation_is_marked(quintic):
     assert "leaves the amplitudes that were fitted" in sentence(finding)
 
 
+def test_frequencies_far_from_the_tested_ones_are_extrapolated():
+    table = surface("cubic")
+    found = identify(table, model("cubic"))
+    low, high = found.frequency_range
+    curve, predicted = (predict(found, [3.0], band=band) for band in ((low, high), (0.5 * low, 2 * high)))
+    (wide,), far = predicted.curves, lambda one: (one.frequency < 0.9 * low) | (one.frequency > 1.1 * high)
+    assert far(wide).sum() > 10
+    assert wide.extrapolated[far(wide)].all()
+    assert not wide.extrapolated[np.argmax(wide.amplitude)]
+    assert [f.names.get("by") for f in curve.findings] == []
+    (said,) = predicted.findings
+    assert (said["low"], said["high"]) == (low, high)
+    assert "leave the tested frequencies" in sentence(said)
+    # an oscillator was not tested: nothing of it is beyond a test
+    assert not predict(Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 4.0}), 1.0, band=(1, 99)).findings
+
+
 def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
     table = noisy(surface("cubic"), 0.01, 1)
     highest = float(table.levels[-1])
@@ -132,14 +152,18 @@ def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
 
 
 @pytest.mark.parametrize(("error", "said"), [
-    (0.0092, ", 1.6 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
-    (0.08, ", 14 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
+    (0.0092, "1.6 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
+    (0.08, "14 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
     (1e-5, ""),
 ])  # fmt: skip
-def test_the_error_of_a_held_out_level_has_its_scale(quintic, error, said):
+def test_the_error_of_a_held_out_level_has_its_scale_and_its_place(quintic, error, said):
     item = replace(quintic[1].held_out[0], error=error, misfit=0.0059)
-    (line,) = held_out_lines([item])
-    assert line.endswith(f" %{said}")
+    (line,), (doubted,) = held_out_lines([item], usable=True), held_out_lines([item])
+    assert line.endswith(f"; {said}" if said else " %")
+    miss = np.abs(item.predicted - item.measured)
+    assert (f" at {item.frequency[np.argmax(miss)]:.5g} Hz;" in line) is bool(said)
+    # beside a law that is doubted nothing is small
+    assert doubted == line.partition("; up to")[0]
 
 
 @pytest.mark.parametrize(("sweep", "band", "by"), [
@@ -155,7 +179,7 @@ def test_a_sweep_that_does_not_reach_its_resonance_is_named(sweep: str, band: tu
     for finding in findings:
         # the peak is that of the law, whatever band is asked for
         for asked in ((9.0, band[1]), (8.0, 14.0)):
-            (again,) = predict(found, [finding["level"]], band=asked).findings
+            again, *_ = predict(found, [finding["level"]], band=asked).findings
             assert again.names == finding.names
             assert again["peak"] == pytest.approx(finding["peak"], rel=1e-3)
             assert again["frequency"] == pytest.approx(finding["frequency"], rel=1e-3)

@@ -231,12 +231,17 @@ def verdict_of(
         require(comparison, Comparison, "comparison")
     if prediction is not None:
         require(prediction, Prediction, "prediction")
-    further = () if prediction is None else prediction.findings
-    findings = [*identification.findings, *(f for f in further if f not in identification.findings)]
+    findings = all_findings(identification, prediction)
     judged = None if comparison is None else comparison.outcome
     if comparison is None or judged is None:
         return reach_verdict(findings, summary=identification.outcome)
     return reach_verdict(findings, comparison.passed, judged)
+
+
+def all_findings(identification: Identification, prediction: Prediction | None) -> list[Finding]:
+    """Return the one list of findings of a result: those of the identification, and then of a prediction."""
+    further = () if prediction is None else prediction.findings
+    return [*identification.findings, *(f for f in further if f not in identification.findings)]
 
 
 def _row(found: Sequence[Estimate], errors: list[float], true: float, tolerance: float | None) -> Row:
@@ -423,6 +428,13 @@ def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
     return max(low, lower) - min(high, upper) > ROUND_OFF * abs(first.value)
 
 
+_ABOUT_ROWS = (
+    "parameters: value (95 % interval); shift: from the first fit, in standard errors of a difference; "
+    "misfit: of force and response, held-out error: of the response, both relative; significance: how many "
+    "standard errors of the noise an alternative stands out"
+)
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class FitComparison(Printed):
     """Fits side by side: ``comparison["k3"]`` is the row of a parameter, iterating gives all rows.
@@ -523,7 +535,7 @@ class FitComparison(Printed):
                 rows.append((head, "", first, *(cell for text in others for cell in (text, ""))))
         first, *others = [fit.name for fit in self.fits]
         heads = ("", "unit", first, *(head for name in others for head in (name, "shift")))
-        return TextTable(heads, tuple(rows), notes=tuple(map(str, self.findings)))
+        return TextTable(heads, tuple(rows), notes=(_ABOUT_ROWS, *map(str, self.findings)))
 
 
 def _rows(fits: Sequence[tuple[Estimate, ...]]) -> tuple[FitRow, ...]:

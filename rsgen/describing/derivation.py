@@ -12,7 +12,7 @@ written, on random cycles in every regime of its switches: an error of the algeb
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Protocol
 
@@ -71,6 +71,17 @@ def derive(law: str | Element | HasForce | sympy.Expr) -> DescribingFunction:
     require(law, (str, Element, sympy.Expr), "law")
     element = law if isinstance(law, Element) else make_element("law", law)
     return _derive(element.force, element.parameters)
+
+
+@algebra_faults()
+def derive_off_centre(element: Element) -> DescribingFunction:
+    """Derive an element that others of its law move off centre: about a mean X0 that is not its own."""
+    if memory_form(element.force) is not None:
+        return derive(element)
+    found = _derive_memoryless(element.force, element.parameters, may_centre=False)
+    own = set(_about_mean(_Law(element.force, ()), found.mean, found.mean_balance))
+    together = ("X0 is the mean that all elements make together.",) if found.stiffness.has(X0) else ()
+    return replace(found, mean=None, remarks=(*together, *(one for one in found.remarks if one not in own)))
 
 
 @dataclass(frozen=True, slots=True)

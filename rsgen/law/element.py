@@ -517,9 +517,14 @@ class Library:
             return name
         if name in self:
             return _law(name)
-        near = [row for row in ROWS if str(name) in row][:3] or get_close_matches(str(name)[:80], ROWS, n=3)
+        words = re.findall(r"\w+", str(name)[:80].lower())
+        near = [
+            row for row, own in ROWS.items() if all(word in f"{row} {own.title}".lower() for word in words)
+        ]
         if all(part in self for part in f"{name}".split(" + ")):
-            raise RsgenError(f"law {name!r}: is a sum; write it as a force, or an element for each law")
+            one = f", or as {' or '.join(map(repr, near[:3]))}" if near else ""
+            raise RsgenError(f"law {name!r}: is a sum; write it as a force, or an element for each law{one}")
+        near = near[:3] or get_close_matches(str(name)[:80], ROWS, n=3)
         hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
         raise RsgenError(f"law {name!r}: unknown; {hint}known: {', '.join(ROWS)}")
 

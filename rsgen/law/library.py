@@ -149,7 +149,8 @@ ROWS: dict[str, Row] = {
         (_AT_REST, ("k2", "quadratic stiffness", "N/m^2", 0.3)), _ADDED, own=True,
     ),
     "softening-hardening-spring": Row(
-        "Spring that first softens and then hardens", "k*x + k3*x**3 + k5*x**5", LIU + ", Eqs. (14), (16)",
+        "Cubic and quintic spring, first softening and then hardening",
+        "k*x + k3*x**3 + k5*x**5", LIU + ", Eqs. (14), (16)",
         (
             _AT_REST, ("k3", "cubic stiffness, negative", "N/m^3", -1.5),
             ("k5", "quintic stiffness, positive", "N/m^5", 0.8),

@@ -14,12 +14,13 @@ from rsgen.cases.case import Case
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.output import write_atomic
 from rsgen.data.multisine.spectra import MultisineSpectra, save_spectra
-from rsgen.data.surface.response_surface import ResponseSurface, save_surface, typical_amounts
+from rsgen.data.surface.response_surface import ResponseSurface, save_surface
 from rsgen.describing.derivation import derive
 from rsgen.describing.function import PrintedComparison, compare_printed
 from rsgen.dynamics.kernel_source import generate
 from rsgen.formula.names import Structural, remembers
-from rsgen.identification.prediction import Prediction, predict
+from rsgen.identification.prediction import Prediction
+from rsgen.identification.prediction.shown_levels import predict_shown
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.report import figures
 from rsgen.report.figures.drawing import POINTS, project_style
@@ -147,7 +148,7 @@ def write_report(
     if not identification.model.force.has(Structural):
         # structural damping exists under periodic motion only, so that nothing simulates it
         write_atomic(place / "kernel.py", generate(identification.model.force))
-    prediction, modal = _predicted(surface, identification), tabulate_mode(surface, identification)
+    prediction, modal = predict_shown(surface, identification), tabulate_mode(surface, identification)
     printed = check_printed(subject, identification)
     if modal.table is not None:
         write_atomic(place / "modal.csv", modal.table.to_csv())
@@ -204,25 +205,3 @@ def save_records(table: ResponseSurface | MultisineSpectra, place: Path) -> None
         save_spectra(place / "spectra.npz", table)
     else:
         save_surface(place / "surface.h5", table)
-
-
-def _predicted(table: ResponseSurface | MultisineSpectra, identification: Identification) -> Prediction:
-    """Predict levels not used."""
-    if isinstance(table, MultisineSpectra):
-        # of what identification has not seen; other spectra would count what it has seen as held out
-        return predict(identification)
-    levels = [] if identification.model.sensors else _levels(table, identification)
-    return predict(identification, levels or None, table)
-
-
-def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
-    """Choose the levels to predict: as measured near the resonances of tested and held-out ones."""
-    if surface.response_held:
-        # its levels are no forces; those that the resonances needed are
-        return [float(level) for level in identification.levels]
-    held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
-    chosen = np.isin(surface.levels, [*figures.choose_levels(surface, 5), *held_out])
-    forces = typical_amounts(surface)[chosen]
-    if surface.base and not surface.per_mass:
-        forces /= identification.mass
-    return sorted({float(force) for force in forces if np.isfinite(force)})

@@ -18,13 +18,13 @@ import numpy as np
 from markupsafe import Markup, escape
 
 import rsgen
-from rsgen.analysis.comparison import Comparison, verdict_of
-from rsgen.common.finding import STATES, Finding, Quantity, quantities, steps_once
+from rsgen.analysis.comparison import Comparison, all_findings, verdict_of
+from rsgen.common.finding import STATES, USABLE, Finding, Quantity, quantities, steps_once
 from rsgen.common.output import write_atomic
 from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, is_significant
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.describing.derivation import derive
+from rsgen.describing.derivation import derive, derive_off_centre
 from rsgen.describing.function import PrintedComparison
 from rsgen.formula.names import symbol
 from rsgen.formula.reading import parse
@@ -102,8 +102,11 @@ def _formula(expression: Any, display: bool = False) -> Markup:
     return Markup(mathml(expression, display=display))  # noqa: S704 - sieved by notation
 
 
-def _element(element: Element) -> dict[str, Any]:
+def _element(element: Element, mean: Any) -> dict[str, Any]:
+    """Return the formulas of an element of a law whose own mean is ``mean``; None: it has no formula."""
     function = derive(element)
+    if function.mean != mean:
+        function = derive_off_centre(element)
     remembered = memory_form(element.force)
     rates = () if remembered is None else remembered.rates
     return {
@@ -162,18 +165,20 @@ def render_page(
     RsgenError
         The templates are not found.
     """
+    said = _verdict_context(subject, identification, comparison, prediction)
+    usable, mean = said["state"] in USABLE, derive(identification.model.force).mean
     context = {
         "title": subject.title,
         "name": subject.name,
         "source": subject.source,
-        **_verdict_context(subject, identification, comparison, prediction),
+        **said,
         "drawings": {drawing.name: _drawing(drawing) for drawing in drawings},
         "provenance": list(provenance.items()),
         "case_text": subject.case.text if subject.case is not None else "",
         "version": rsgen.__version__,
-        "held_out_table": tables.held_out_table(prediction.held_out)
+        "held_out_table": tables.held_out_table(prediction.held_out, usable=usable)
         or tables.record_table(prediction.records),
-        "elements": [_element(element) for element in subject.elements],
+        "elements": [_element(element, mean) for element in subject.elements],
         "printed": list(map(_printed, printed)),
         "motion_formula": _formula(parse("X0 + X*sin(phi)")),
         "balance_formula": _formula(parse("k - m*omega**2")),
@@ -186,10 +191,11 @@ def render_page(
             modal.held_out,
             "The same levels from the modal table alone, where it reaches",
             prediction.held_out,
+            usable,
         ),
         "background_table": tables.background_table(identification),
         "ranking_table": tables.ranking_table(identification),
-        "ranking_verdict": [sentence(f) for f in getattr(identification.ranking, "findings", ())],
+        "ranking_verdict": [full_sentence(f) for f in getattr(identification.ranking, "findings", ())],
         **_test_context(surface, identification),
     }
     return page_environment().get_template("report/report.html").render(context)
@@ -201,7 +207,7 @@ def _verdict_context(
     """Return what a result is worth, what it means, and what warns of it."""
     verdict = verdict_of(identification, comparison, prediction)
     stated = sentences.state_verdict(verdict)
-    warnings = list(map(full_sentence, identification.findings))
+    warnings = list(map(full_sentence, all_findings(identification, prediction)))
     return {
         "state": verdict.state,
         "verdict": stated["headline"],
@@ -251,7 +257,9 @@ def element_finding(element: Element, identification: Identification) -> Finding
     if not unknown and not element.across:
         numbers |= _sides(element, identification, values)
         if any(found.code == "mirror-image-fits" for found in identification.findings):
-            states |= {"sides": "not known"}
+            pull, push = (numbers[name].value if name in numbers else np.nan for name in ("pull", "push"))
+            # of an even force there is no other side, but the other sign
+            states |= {"sides": "same" if np.isclose(pull, push, rtol=1e-3) else "not known"}
     return replace(course, numbers=numbers, names={**course.names} | states)
 
 
@@ -274,16 +282,21 @@ def _sides(element: Element, identification: Identification, values: dict[str, f
 
 def resonance_course(identification: Identification) -> list[Finding]:
     """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none."""
-    ends = np.array(identification.amplitude_range)
-    if any(element.across for element in identification.model.elements):
-        return []
-    found = backbone(identification, solution_of(identification), ends)
-    if not np.isfinite([found.omega, found.damping_ratio]).all():
+    ends, found = np.array(identification.amplitude_range), _resonance(identification)
+    if found is None:
         return []
     numbers = quantities("m", amplitude_first=ends[0], amplitude_last=ends[1])
     numbers |= quantities("Hz", frequency_first=found.frequency[0], frequency_last=found.frequency[1])
     numbers |= quantities(ratio_first=found.damping_ratio[0], ratio_last=found.damping_ratio[1])
     return [Finding("resonance-course", "info", numbers=numbers)]
+
+
+def _resonance(identification: Identification) -> Any:
+    """Return the backbone of the law at the ends of the tested amplitudes; None where it is not known."""
+    if any(element.across for element in identification.model.elements):
+        return None
+    found = backbone(identification, solution_of(identification), np.array(identification.amplitude_range))
+    return found if np.isfinite([found.omega, found.damping_ratio]).all() else None
 
 
 def _course(
@@ -295,7 +308,9 @@ def _course(
     followed = {element.across: (float(curve.min()), float(curve.max())), "": identification.amplitude_range}
     low, high = followed[element.across]
     omega = np.pi * sum(identification.frequency_range)
-    amplitude, speed = np.array([low, high]), np.full(2, omega)
+    at = _resonance(identification)
+    # damping may depend on the frequency: that of the resonance, which is stated with its damping, too
+    amplitude, speed = np.array([low, high]), np.full(2, omega) if at is None else at.omega
     # the mean is a matter of all elements together
     mean = evaluated(derive(identification.model.force), amplitude, speed, values).mean
     own = {name: values[name] for name in element.parameters}
@@ -303,6 +318,7 @@ def _course(
     if not np.isfinite([result.stiffness, result.damping]).all() and element.memory:
         return {}, {"states": ", ".join(element.memory)}
     numbers = {"amplitude_first": Quantity(low, "m"), "amplitude_last": Quantity(high, "m")}
+    numbers |= quantities("Hz", frequency=omega / (2 * np.pi)) if at is None else {}
     # an element has a share in stiffness or damping when it is not round-off of the whole
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
     kinds = (("stiffness", "N/m", 1.0, result.stiffness), ("damping", "N*s/m", omega, result.damping))

@@ -243,22 +243,30 @@ _RELATIVE = "relative to the root mean square of the measured response"
 
 
 def held_out_table(
-    held_out: Sequence[HeldOutLevel], caption: str = _NOT_SEEN, law: Sequence[HeldOutLevel] = ()
+    held_out: Sequence[HeldOutLevel],
+    caption: str = _NOT_SEEN,
+    law: Sequence[HeldOutLevel] = (),
+    usable: bool = False,
 ) -> Table | None:
-    """Score held-out levels, with the error of a ``law`` at the same points; None where there are none."""
+    """Score held-out levels, with the error of a ``law`` at the same points; None where there are none.
+
+    What is small is said only of a ``usable`` result.
+    """
     columns: dict[str, _Says] = {
         "Level": lambda item: quantity_text(item.level, item.level_unit),
         "Sweep": lambda item: _SWEEPS.get(item.sweep, item.sweep),
         "Points": lambda item: str(len(item.frequency)),
         "Error, root mean square": lambda item: error_text(item.error),
-        "Largest error": lambda item: error_text(item.largest_error),
+        "Largest error": lambda item: Cell(
+            error_text(item.largest_error), f"at {quantity_text(item.largest_at, 'Hz', 5)}"
+        ),
         "Points without prediction": lambda item: str(item.missing),
     }
     if law:
         columns["Error of the law at the points predicted"] = lambda item: error_text(_error_at(law, item))
     if not held_out:
         return None
-    said = f"; the misfit is {error_text(held_out[0].misfit)}: {HELD_OUT_SCALE}"
+    said = f"; the misfit is {error_text(held_out[0].misfit)}" + (f": {HELD_OUT_SCALE}" if usable else "")
     return _tabulated(f"{caption}; errors {_RELATIVE}{said}", held_out, columns)
 
 

@@ -18,6 +18,7 @@ from rsgen.analysis.comparison import (
     Comparison,
     FitComparison,
     Row,
+    all_findings,
     compare_fits,
     errors_by_level,
     verdict_of,
@@ -34,7 +35,7 @@ from rsgen.formula.printing import write
 from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
-from rsgen.identification.results.result import held_out_lines
+from rsgen.identification.results.remarks import held_out_lines
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.figures import equivalent
 from rsgen.report.page_tables import NO_MODAL, Modal
@@ -132,6 +133,7 @@ def ranking_entry(ranking: Ranking) -> dict[str, Any]:
                 "parameters": candidate.parameters,
                 **_finite_ones(candidate, ("held_out_error", "bic")),
                 "tied": candidate.tied,
+                "converged": candidate.converged,
                 **({"fault": candidate.fault} if candidate.fault else {}),
             }
             for candidate in ranking.candidates
@@ -168,17 +170,19 @@ def build_result(
     modal
         The modal table, or why there is none.
     """
-    points, settled, entries = _entries_of(table, identification, prediction, modal)
+    verdict = verdict_of(identification, comparison, prediction)
+    findings = all_findings(identification, prediction)
+    points, settled, entries = _entries_of(table, identification, prediction, modal, verdict.usable)
     return {
         "schema": SCHEMA,
         "case": subject.name,
         "title": subject.title,
         "source": subject.source,
         "passed": comparison.passed,
-        "verdict": state_verdict(verdict_of(identification, comparison, prediction)),
+        "verdict": state_verdict(verdict),
         "outcome": sentence(identification.outcome),
-        "warnings": list(map(sentence, identification.findings)),
-        "findings": [finding.to_dict() for finding in identification.findings],
+        "warnings": list(map(sentence, findings)),
+        "findings": [finding.to_dict() for finding in findings],
         "mass": finite_or_none(identification.mass),
         "fixed": fixed_entry(identification),
         "parameters": rows_entry(comparison, forces=False),
@@ -260,6 +264,7 @@ def _entries_of(
     identification: Identification,
     prediction: Prediction,
     modal: Modal,
+    usable: bool,
 ) -> tuple[int, int, dict[str, Any]]:
     """Count all and settled points, and return the entries that only a surface has, or only spectra have."""
     if isinstance(table, MultisineSpectra):
@@ -272,7 +277,7 @@ def _entries_of(
         },
         "dissipation": dissipation_entry(table, identification),
         "modal": modal_entry(modal),
-        "held_out": [_held_out(item) for item in prediction.held_out],
+        "held_out": [_held_out(item, usable) for item in prediction.held_out],
     }
     return len(table), int(np.count_nonzero(table.settled)), entries
 
@@ -331,15 +336,15 @@ def _resonance(point: Resonance) -> dict[str, Any]:
     return {"level": finite_or_none(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}
 
 
-def _held_out(item: HeldOutLevel) -> dict[str, Any]:
+def _held_out(item: HeldOutLevel, usable: bool = False) -> dict[str, Any]:
     return {
         "level": finite_or_none(item.level),
         "level_unit": item.level_unit,
         "sweep": item.sweep,
         "points": len(item.frequency),
         "missing": item.missing,
-        **_finite_ones(item, ("error", "largest_error")),
-        "said": held_out_lines([item])[0],
+        **_finite_ones(item, ("error", "largest_error", "largest_at")),
+        "said": held_out_lines([item], usable)[0],
     }
 
 

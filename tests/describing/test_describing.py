@@ -10,7 +10,7 @@ from scipy.special import j0
 from rsgen.common.errors import RsgenError
 from rsgen.describing import closed as terms
 from rsgen.describing.closed import over_quarters
-from rsgen.describing.derivation import derive
+from rsgen.describing.derivation import derive, derive_off_centre
 from rsgen.describing.function import compare_printed
 from rsgen.describing.quadrature import Cycle, switching_angles
 from rsgen.formula.evaluation import compiled
@@ -294,3 +294,14 @@ def test_formulas_of_pages_are_left_to_quadrature():
     assert np.isfinite(
         derived.evaluate(1.0, 1.0, {"a": 0.2, "b": 0.4, "c": 0.6, "d": -0.3}, mean=0.1).stiffness
     )
+
+
+def test_an_element_that_others_move_off_centre_has_the_mean_in_its_formulas():
+    spring = make_element("spring", "k*x + k3*x**3")
+    function = derive_off_centre(spring)
+    assert str(function.stiffness) == "3*X**2*k3/4 + 3*X0**2*k3 + k"
+    assert function.mean is None
+    assert "X0 = 0" not in " ".join(function.remarks)
+    assert "all elements" in " ".join(function.remarks)
+    damper = make_element("damper", "c*v")
+    assert (str(derive_off_centre(damper).damping), derive_off_centre(damper).remarks) == ("c", ())

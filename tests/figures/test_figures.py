@@ -18,6 +18,7 @@ from matplotlib.transforms import Bbox
 from rsgen import figures
 from rsgen.describing.derivation import derive
 from rsgen.identification.modal_table import modal_table
+from rsgen.identification.prediction import predict
 from rsgen.law.element import make_element
 from rsgen.report.figures import Drawing, number_text
 from rsgen.report.figures.drawing import colour_bar, lay_out, new_figure, project_style
@@ -185,3 +186,15 @@ def test_a_figure_goes_on_axes_of_the_caller(name):
     assert len(figure.axes) <= 3
     assert "image/png" not in drawing._repr_mimebundle_()[0]
     figure.canvas.draw()
+
+
+def test_responses_show_the_band_and_the_levels_that_were_asked_for():
+    usual = figures.draw_responses(SURFACE, predict(IDENTIFICATION, [1.0, 12.0]))
+    asked = figures.draw_responses(SURFACE, predict(IDENTIFICATION, [1.0, 12.0], band=(5.0, 20.0)))
+    higher = figures.draw_responses(SURFACE, predict(IDENTIFICATION, [12.0, 18.0]))
+    (left, right), (low, high) = (one.figure.axes[0].get_xlim() for one in (asked, usual))
+    assert left < 5.0 < low
+    assert right > 20.0 > high
+    peak = np.nanmax(predict(IDENTIFICATION, 18.0).curves[0].amplitude)
+    assert higher.figure.axes[0].get_ylim()[1] > 1e3 * peak > usual.figure.axes[0].get_ylim()[1]
+    assert ["Shaded" in one.caption for one in (usual, asked, higher)] == [False, True, True]

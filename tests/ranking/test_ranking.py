@@ -658,3 +658,47 @@ def test_what_predicts_levels_comes_before_what_fits_them() -> None:
     # with one level nothing is predicted: fit and parameters decide
     assert order_candidates(bic, [np.nan] * 5, count)[0] == [1, 0, 2, 3, 4]
     assert order_candidates([1.0, 0.0, 0.5, 9.0], [np.nan] * 4, [4, 6, 7, 3])[0] == [0, 1, 2, 3]
+
+
+def test_fits_that_did_not_converge_are_marked_in_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rsgen.identification.ranking.candidate_fit.NEAR_STEPS", 1)
+    names = ["cubic-spring", "tanh-joint", "odd-power-spring", "quintic-spring"]
+    ranking = rank(measured("cubic"), [laws[name] for name in names])
+    lost = [candidate for candidate in ranking if not candidate.converged]
+    assert lost
+    assert all({"xs", "p"} & candidate.values.keys() for candidate in lost)
+    entries = {entry["name"]: entry["converged"] for entry in ranking_entry(ranking)["candidates"]}
+    said = {row[0]: "did not converge" in row[4] for row in ranking.table.rows}
+    for candidate in ranking:
+        assert entries[candidate.name] is candidate.converged
+        assert any(said[name] is not candidate.converged for name in said if candidate.name in name)
+    caption, *lines = str(ranking).split("\n")
+    assert caption.startswith("best: ")
+    table = lines[: next(i for i, line in enumerate(lines) if line.startswith("* its fit did not converge"))]
+    assert max(map(len, table)) <= 80
+    assert sum(line.endswith(("best*", "ties*", "worse*")) for line in table) == len(lost)
+    assert all(any(candidate.force in line for line in table) for candidate in ranking)
+
+
+def test_a_terminal_says_of_the_best_law_what_its_page_says(
+    tmp_path: Path, run_cli: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = tuple(term for term in library_terms() if term.name in ("cubic-spring", "quadratic-spring"))
+    monkeypatch.setattr("rsgen.identification.ranking.selection.library_terms", lambda: few)
+    uneven = rsgen.Oscillator(1.5, "k*x + k2*x**2 + c*v", {"k": 6e3, "k2": 2e5, "c": 6.0})
+    plan = rsgen.SimulatedTest(level=[1, 2, 4], frequency=np.linspace(8, 12, 41), noise_relative=0.002)
+    test, path = rsgen.simulate(uneven, plan), tmp_path / "uneven.h5"
+    save_surface(path, ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1]))
+    assert "the sign of k2 is not identifiable" in run_cli("rank", path).out
+    warnings = json.loads(run_cli("rank", path, "--json").out)["warnings"]
+    assert any("the sign of k2 is not identifiable" in text for text in warnings)
+
+
+def test_the_progress_of_a_ranking_does_not_stand_still_after_its_stages() -> None:
+    seen: list[float] = []
+    table = measured("cubic")
+    fundamental = ResponseSurface(table.level, table.frequency, table.force, table.harmonics[:, 1])
+    names = ["cubic-spring", "quadratic-spring", "bilinear-spring"]
+    rank(fundamental, [laws[name] for name in names], progress=seen.append)
+    assert seen == sorted(seen)
+    assert sum(0.5 <= share < 1 for share in seen) >= 2

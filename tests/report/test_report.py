@@ -29,10 +29,18 @@ from rsgen.law.element import Element, make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report import page_tables as tables
 from rsgen.report.files import check_printed
-from rsgen.report.page import describe_elements, render_page, table_of_results
+from rsgen.report.page import (
+    describe_elements,
+    element_finding,
+    render_page,
+    resonance_course,
+    table_of_results,
+)
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import build_result, read_results, result_text
 from rsgen.report.wording.sentences import error_text, sentence
+from tests.case_files import CUBIC, GONE, SMALL
+from tests.case_files import changed as changed_case
 from tests.samples import (
     C1,
     K1,
@@ -374,7 +382,8 @@ def test_both_errors_of_a_held_out_level_are_relative_to_one_size():
     assert "root mean square of the measured response" in table.caption
     of_mean = np.abs(level.predicted - level.measured) / np.sqrt(np.mean(np.abs(level.measured) ** 2))
     largest = dict(zip(table.columns, table.rows[0], strict=True))["Largest error"]
-    assert largest == error_text(float(of_mean.max()))
+    assert largest.text == error_text(float(of_mean.max()))
+    assert largest.note == f"at {level.frequency[np.argmax(of_mean)]:.5g}\u202fHz".replace("\u202f", " ")
     assert level.largest_error == pytest.approx(float(of_mean.max()))
 
 
@@ -387,3 +396,47 @@ def test_a_law_is_compared_with_the_modal_table_at_the_points_of_the_table():
     said = dict(zip(table.columns, table.rows[0], strict=True))["Error of the law at the points predicted"]
     miss = np.linalg.norm((off.predicted - off.measured)[within])
     assert said == error_text(float(miss / np.linalg.norm(off.measured[within])))
+
+
+def test_findings_of_a_prediction_stand_in_the_one_list(tmp_path, run_cli):
+    path, out = tmp_path / "small.toml", tmp_path / "out"
+    band = {"test.frequency.start": 9.6, "test.frequency.stop": 9.9}
+    hard = {"truth.kn": 3e6, "truth.c": 3.8, "accept": GONE}
+    path.write_text(changed_case(SMALL, CUBIC | band | hard))
+    assert run_cli("run", path, "--out", out).code == 0
+    result = json.loads((out / "small" / "result.json").read_text())
+    (said,) = [
+        text
+        for text, finding in zip(result["warnings"], result["findings"], strict=True)
+        if finding["code"] == "prediction-extrapolated"
+    ]
+    assert "did not reach the resonance" in said
+    warnings = (out / "small" / "report.html").read_text().partition('id="warnings"')[2]
+    shown = re.sub(r"\s", " ", unicodedata.normalize("NFKC", warnings))
+    for text in (shown, run_cli("identify", path).out):
+        assert "did not reach the resonance" in text
+
+
+def test_elements_are_described_at_the_frequency_of_the_resonance():
+    law = {"k": 5920.0, "c": 3.8, "Ff": 1.0}
+    plan = rsgen.SimulatedTest(level=[4, 8], frequency=np.linspace(4, 30, 61))
+    elements = (make_element("spring", "k*x"), make_element("friction", "c*v + Ff*sign(v)"))
+    found = rsgen.identify(rsgen.simulate(rsgen.Oscillator(1.5, elements, law), plan), elements)
+    damping, (course,) = element_finding(elements[1], found), resonance_course(found)
+    for end in ("first", "last"):
+        omega = 2 * np.pi * course[f"frequency_{end}"]
+        assert damping[f"damping_{end}"] == pytest.approx(2 * course[f"ratio_{end}"] * found.mass * omega)
+
+
+def test_an_even_force_has_no_other_side_and_its_mean_stands_in_all_formulas(tmp_path):
+    law = "k*x + k2*x**2 + c*v"
+    elements = tuple(make_element(text[:2], text) for text in ("k*x + k3*x**3 + c*v", "k2*x**2"))
+    plan = rsgen.SimulatedTest(level=[1, 2, 4], frequency=np.linspace(8, 12, 41), noise_relative=0.002)
+    test = rsgen.simulate(rsgen.Oscillator(1.5, law, {"k": 6e3, "k2": 2e5, "c": 6.0}), plan)
+    seen = rsgen.ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1])
+    found = rsgen.identify(seen, elements)
+    text = described(elements[1], found)
+    assert "which direction is not known" in text
+    assert " and " not in text.partition("not symmetric")[2]
+    page = rsgen.write_report(tmp_path, seen, found).read_text()
+    assert "X0 is the mean that all elements make together" in page

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rsgen.analysis.comparison import compare, verdict_of
+from rsgen.analysis.comparison import all_findings, compare, verdict_of
 from rsgen.app.cli import terminal
 from rsgen.app.cli.options import Data, Json, OneCase, Surface
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.study.run_case import identify_case, obtain_table
 from rsgen.cases.loading import load_case
-from rsgen.identification.results.remarks import mass_lines
-from rsgen.identification.results.result import held_out_lines
+from rsgen.identification.prediction.shown_levels import predict_shown
+from rsgen.identification.results.remarks import held_out_lines, mass_lines
 from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.wording.sentences import sentence, state_verdict
 
@@ -33,8 +33,9 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
         # as a run of the case would, with its truth
         truth = loaded.with_model(identification.model_given).truth
         comparison = compare(identification, truth, loaded.accept)
-        verdict = verdict_of(identification, comparison)
-    warnings = [*map(sentence, identification.findings)]
+        prediction = predict_shown(tested, identification)
+        verdict = verdict_of(identification, comparison, prediction)
+    findings = all_findings(identification, prediction)
     if json:
         terminal.print_json(
             {
@@ -44,7 +45,7 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
                 "fixed": fixed_entry(identification),
                 "residual": identification.residual,
                 "outcome": sentence(identification.outcome),
-                "warnings": warnings,
+                "warnings": [*map(sentence, findings)],
             }
         )
         return terminal.verdict_code(verdict.state)
@@ -55,9 +56,9 @@ def identify_command(case: OneCase, surface: Surface = None, data: Data = None, 
     notes = (*table.notes[:1], *mass_lines((*identification, *identification.fixed)))
     terminal.print_block("", str(replace(table, caption=law, notes=notes)))
     terminal.print_line(sentence(identification.outcome))
-    for line in held_out_lines(identification.held_out):
+    for line in held_out_lines(identification.held_out, verdict.usable):
         terminal.print_line(line)
-    for finding in identification.findings:
+    for finding in findings:
         if finding not in verdict.decided_by:
             terminal.print_line(str(finding))
     return terminal.print_next_steps(state_verdict(verdict))

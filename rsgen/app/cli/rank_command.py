@@ -62,6 +62,8 @@ def rank_command(
         ranking = rank(table, model, terms_in_sum=terms_in_sum, progress=partial(note, "ranking"))
     # of a law that is not to be used values are shown, so that absurd ones are seen, but no intervals
     best = ranking.best.refined if ranking.verdict.usable else ()
+    # what the page of this law says, too
+    more = [finding for finding in ranking.best.findings if finding not in ranking.findings] if best else []
     if json:
         entry = ranking_entry(ranking)
         terminal.print_json(
@@ -73,13 +75,14 @@ def rank_command(
                     one | {"own": candidate.own, "values": dict(candidate.values)}
                     for one, candidate in zip(entry["candidates"], ranking.candidates, strict=True)
                 ],
+                "warnings": [*map(sentence, (*ranking.findings, *more))],
                 "best": {one.name: {"value": one.value, "interval": [*one.interval]} for one in best},
             }
         )
         return terminal.verdict_code(ranking.verdict.state)
     terminal.print_verdict(state_verdict(ranking.verdict))
     terminal.print_block("", str(ranking))
-    for finding in ranking.findings:
+    for finding in (*ranking.findings, *more):
         if finding not in ranking.verdict.decided_by and finding != ranking.verdict.summary:
             terminal.print_line(sentence(finding))
     terminal.print_line(

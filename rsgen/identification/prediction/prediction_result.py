@@ -17,7 +17,8 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short
 from rsgen.common.tolerances import BRANCH_DISTANCE, RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.identification.results.result import freeze, held_out_lines
+from rsgen.identification.results.remarks import held_out_lines
+from rsgen.identification.results.result import freeze
 from rsgen.identification.soundness import at_jump, points_at
 
 SHARE_AT_JUMPS = 0.02
@@ -45,7 +46,7 @@ class ResonanceCurve(Brief):
     stable
         (k,) False on the branch between two folds.
     extrapolated
-        (k,) True where the amplitude is outside the tested range.
+        (k,) True where the amplitude is outside the tested range, or the frequency far outside.
     lower, upper
         (k,) 95 % band of the amplitude at the frequency [m]; NaN at folds, where it is not defined.
     folds
@@ -99,8 +100,9 @@ class HeldOutLevel(Brief):
         Root mean square of predicted - measured over that of measured [1]. Up to 2 % of the points, rounded
         up, are left out where they are ``missing``: between a predicted and a measured jump branches differ.
         A point for which the law has no steady state counts as predicted at rest.
-    largest_error
-        Largest |predicted - measured| of the same points over the same root mean square [1].
+    largest_error, largest_at
+        Largest |predicted - measured| of the same points over the same root mean square [1], and the
+        frequency of that point [Hz].
     missing
         Number of points without a predicted steady state near the measured one; of a decay, and where the
         test held the amplitude, without any.
@@ -128,6 +130,7 @@ class HeldOutLevel(Brief):
     force_unit: str = "N"
     explained: float = 0.0
     misfit: float = nan
+    largest_at: float = nan
 
     def __post_init__(self) -> None:
         freeze(self, ("frequency",))
@@ -166,12 +169,15 @@ class Prediction(Printed):
         Levels beyond the tested amplitudes, without a curve, with points that are not predicted.
     records
         One for each predicted record of a multisine; scores of single sines are then empty.
+    band
+        Frequencies of the curves that were asked for [Hz]; None: those of the test.
     """
 
     curves: tuple[ResonanceCurve, ...]
     held_out: tuple[HeldOutLevel, ...]
     findings: tuple[Finding, ...]
     records: tuple[PredictedRecord, ...] = ()
+    band: tuple[float, float] | None = None
 
     def __getitem__(self, level: float) -> ResonanceCurve:
         """Curve of a level [N].

@@ -202,19 +202,23 @@ def predict(
     if isinstance(found, Oscillator):
         found = as_identification(found, chosen)
     low, high = found.frequency_range
-    window = (
-        (low * (1 - _FREQUENCY_MARGIN), high * (1 + _FREQUENCY_MARGIN)) if band is None else _check_band(band)
-    )
+    near = (low * (1 - _FREQUENCY_MARGIN), high * (1 + _FREQUENCY_MARGIN))
+    window = near if band is None else _check_band(band)
     refuse_across(found.model.sensors, levels=levels is not None)
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
-    curves = tuple(_curve(found, balance, level, omega, tested) for level in balance.drawn(chosen))
+    # the edges of the curves of a test are no extrapolation
+    known = tested if tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
+    curves = tuple(_curve(found, balance, level, omega, tested, known) for level in balance.drawn(chosen))
     held_out = () if surface is None else _score(found, balance, surface)
     findings = [*_missed(held_out)]
+    if curves and not known[0] <= window[0] < window[1] <= known[1]:
+        numbers = quantities("Hz", low=low, high=high)
+        findings.append(Finding("prediction-extrapolated", "warning", "", numbers, {"by": "frequency"}))
     if curves and surface is not None and surface.base in ("displacement", "velocity"):
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out), *findings]
-    return Prediction(curves, held_out, (*findings, *records.findings), records.records)
+    return Prediction(curves, held_out, (*findings, *records.findings), records.records, band and window)
 
 
 def _along(found: Identification) -> list[Finding]:
@@ -402,8 +406,9 @@ def _curve(
     level: float,
     window: tuple[float, float],
     tested: tuple[float, float],
+    known: tuple[float, float],
 ) -> ResonanceCurve:
-    """Compute the curve of a level within a window of frequencies [rad/s]."""
+    """Compute the curve of a level within a window of frequencies [rad/s]; ``known`` are the tested [Hz]."""
     force = level * force_per_level(identification)
     spans = balance.spans(force, window)
     parts = [part for span in spans for part in _branches(balance, force, span, window)]
@@ -436,7 +441,10 @@ def _curve(
         amplitude=amplitude,
         phase=phase,
         stable=gain > 0,
-        extrapolated=(sizes > tested[1] * BEYOND) | (sizes < tested[0] / BEYOND),
+        extrapolated=(sizes > tested[1] * BEYOND)
+        | (sizes < tested[0] / BEYOND)
+        | (frequency < known[0])
+        | (frequency > known[1]),
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 2),
@@ -510,8 +518,9 @@ def _missed(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
 
 def score_points(
     measured: ComplexArray, predicted: ComplexArray, near: float = BRANCH_DISTANCE, *, by_law: bool = True
-) -> tuple[float, float, int]:
-    """Return the error of a run, its largest one, and the number of points not predicted as ``near``.
+) -> tuple[float, float, int, int]:
+    """Return the error of a run, its largest one, how many points are not predicted as ``near``, and which
+    point has the largest.
 
     Points on another branch may lie between a predicted and a measured jump: a few of them are not scored.
     One without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a modal
@@ -527,10 +536,11 @@ def score_points(
     count = int(np.count_nonzero(scored))
     scored[off[: min(int(np.ceil(SHARE_AT_JUMPS * count)), count - 1)]] = False
     if not scored.any():
-        return nan, nan, int(np.count_nonzero(missed))
+        return nan, nan, int(np.count_nonzero(missed)), 0
     root = np.sqrt(np.mean(size[scored] ** 2))
     error = float(np.sqrt(np.mean(miss[scored] ** 2)) / root)
-    return error, float(miss[scored].max() / root), int(np.count_nonzero(missed))
+    worst = int(np.argmax(np.where(scored, miss, -inf)))
+    return error, float(miss[worst] / root), int(np.count_nonzero(missed)), worst
 
 
 def _score(
@@ -561,7 +571,7 @@ def _score(
             # points that are compared by their force, at their amplitudes, are on no other branch
             near = inf if surface.decays or surface.response_held else BRANCH_DISTANCE
             by_law = not isinstance(balance, SynthesisBalance)
-            error, largest, missing = score_points(measured, predicted, near, by_law=by_law)
+            error, largest, missing, worst = score_points(measured, predicted, near, by_law=by_law)
             known = rows[np.isfinite(predicted)]
             explained = balance.explained(surface.select(known)) if surface.decays and len(known) else 0.0
             scored.append(
@@ -579,6 +589,7 @@ def _score(
                     missing=missing,
                     explained=explained,
                     misfit=identification.residual,
+                    largest_at=float(surface.frequency[rows[worst]]),
                 )
             )
     return tuple(scored)

@@ -118,6 +118,8 @@ class CandidateFit:
         Sum of squares of the change of the background.
     fault
         Why it is no candidate; "" where it is one.
+    converged
+        False if the steps of its parameters ended before its least misfit.
     """
 
     candidate: CandidateLaw
@@ -126,6 +128,7 @@ class CandidateFit:
     compared: NDArray[np.bool_]
     background_cost: float
     fault: str = ""
+    converged: bool = True
 
     @property
     def chi_squared(self) -> float:
@@ -232,7 +235,7 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
         move=partial(_limited_step, limits=limits, nonlinear=balance.nonlinear),
     )
     place = np.clip(place, limits[:, 0], limits[:, 1])
-    place, *_ = descend(balance.linearise, place, np.zeros((len(rows), 0)), rules)
+    place, _, _, converged = descend(balance.linearise, place, np.zeros((len(rows), 0)), rules)
     residual, matrix = balance.evaluate(place)
     values = dict(zip(names, place[: len(names)].tolist(), strict=True))
     background = rows.background_at + place[len(names) :]
@@ -248,7 +251,11 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
     if fault:
         return CandidateFit(fitted, residual, residual, rows.compared, background_cost, fault)
     held_out_residual = _held_out_residual(balance, place, residual, matrix)
-    return CandidateFit(fitted, residual, held_out_residual, rows.compared, background_cost)
+    # what is linear in all parameters is solved for
+    converged |= not balance.nonlinear
+    return CandidateFit(
+        fitted, residual, held_out_residual, rows.compared, background_cost, converged=converged
+    )
 
 
 def _limited_step(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:

@@ -63,6 +63,9 @@ _LEADERS = 3
 
 _MAX_ROUNDS = 5
 
+_SHARE_OF_STAGES, _SHARE_OF_MOTIONS = 0.5, 0.4
+"""Of the time of a ranking: its stages, then laws along their own motions; the identification is the rest."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
@@ -119,7 +122,7 @@ def rank(
     terms_in_sum
         Largest number of laws of the library in a sum; sums of three often overfit. 1 if a base is misread.
     progress
-        Called with the share of the stages that are done, from 0 to 1.
+        Called with the share that is done, from 0 to 1.
 
     Returns
     -------
@@ -161,7 +164,7 @@ def rank(
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
     rounds = _all_rounds(test, given, terms, terms_in_sum, progress)
-    ranking = _ranking(test, _best_round(rounds), tuple(laws), base, surface)
+    ranking = _ranking(test, _best_round(rounds), tuple(laws), base, surface, progress)
     if (
         isinstance(surface, MultisineSpectra)
         or ranking.fits
@@ -216,8 +219,7 @@ def _all_rounds(
     fault: RsgenError | None = None
     tried = set[_Stage]()
     for number, stage in enumerate(stages):
-        # the identification of the best law comes after the stages
-        progress(number / (len(stages) + 1))
+        progress(_SHARE_OF_STAGES * number / len(stages))
         if stage in tried or not (stage.laws or stage.terms):
             continue
         tried.add(stage)
@@ -327,19 +329,21 @@ def _ranking(
     given: Sequence[str],
     base: Model,
     surface: ResponseSurface | MultisineSpectra,
+    progress: Callable[[float], None],
 ) -> Ranking:
     """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
     current, fixed, found = last.round, test.fixed, None
     candidates, own = _merge_equal_laws(last.found, current.rows, given)
     bic = [fit.bic() for fit in candidates]
     if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED and not is_misread(surface):
-        bic = _compare_along_own(test, current, candidates, given)
+        bic = _compare_along_own(test, current, candidates, given, progress)
     error = [current.relative(fit.held_out_residual) for fit in candidates]
     count = [len(fit.candidate.values) for fit in candidates]
     fault: RsgenError | None = None
     identified: dict[int, Identification] = {}
     # which law is the best some of many points settle, and its values all of them
     many = surface if isinstance(surface, ResponseSurface) and len(surface) > 2 * SUBSAMPLE_POINTS else None
+    progress(_SHARE_OF_STAGES + _SHARE_OF_MOTIONS)
     for _ in candidates:
         order, lowest, tied = order_candidates(bic, error, count)
         number, best = order[0], candidates[order[0]]
@@ -439,6 +443,7 @@ def _row(
         values={} if fit.fault else values,
         own=own,
         fault=fit.fault,
+        converged=fit.converged,
     )
 
 
@@ -482,7 +487,11 @@ def _naming(findings: tuple[Finding, ...], kind: str, name: str, missing: Findin
 
 
 def _compare_along_own(
-    test: RankedTest, current: Round, candidates: list[CandidateFit], given: Sequence[str]
+    test: RankedTest,
+    current: Round,
+    candidates: list[CandidateFit],
+    given: Sequence[str],
+    progress: Callable[[float], None],
 ) -> list[float]:
     """Fit laws with another mean than the law of the motion along their own motions, in place; return BIC.
 
@@ -509,7 +518,9 @@ def _compare_along_own(
     alone.sort(key=lambda i: -len(laws[i].values))
     partners = [i for i in even if i not in alone and hides_even(laws[i].name, leader.name)]
     lost = set[int]()
-    for i in [*({*first.values(), *near[:_LEADERS], *moved} - set(even)), *alone, *partners]:
+    compared = [*({*first.values(), *near[:_LEADERS], *moved} - set(even)), *alone, *partners]
+    for number, i in enumerate(compared):
+        progress(_SHARE_OF_STAGES + _SHARE_OF_MOTIONS * number / len(compared))
         if i in partners and min((bic[j] for j in alone), default=np.inf) < least + STRONG_EVIDENCE:
             break
         if i in lost:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, nan
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ import sympy
 
 from rsgen.common.errors import RsgenError, listed
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
-from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short
+from rsgen.common.text_table import Printed, TextTable, aligned, data_frame, lookup, short
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     NOISE_RATIO_BY_CHANCE,
@@ -44,6 +45,11 @@ ORDER = (
 )
 """The order of a ranking, as tables say it."""
 
+_COLUMNS_OF_NAME = 43
+"""Of the 80 of a terminal."""
+
+_NOT_CONVERGED = "its fit did not converge: with more steps it may fit better"
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -69,6 +75,8 @@ class Candidate:
         True for the law of the model, or of the case, that was ranked.
     fault
         Why it could not be fitted, "" if it was; such candidates are the last, without numbers.
+    converged
+        False if its fit ended before its least misfit: with more steps it may fit better.
     """
 
     name: str
@@ -80,6 +88,7 @@ class Candidate:
     values: Mapping[str, float]
     own: bool = False
     fault: str = ""
+    converged: bool = True
 
     @property
     def label(self) -> str:
@@ -207,7 +216,7 @@ class Ranking(Printed):
         RsgenError
             pandas is not installed.
         """
-        names = ("name", "force", "parameters", "bic", "held_out_error", "tied", "fault")
+        names = ("name", "force", "parameters", "bic", "held_out_error", "tied", "fault", "converged")
         return data_frame({name: [getattr(candidate, name) for candidate in self] for name in names}, "name")
 
     @property
@@ -223,22 +232,39 @@ class Ranking(Printed):
             parts.append(f"[[element]] {', '.join(written)}")
         return " and ".join(parts)
 
+    def __repr__(self) -> str:
+        """Return the table as text of 80 columns: the force of a law stands below it."""
+        table = self.table
+        lines, below = [["law", "par.", *table.heads[2:-1]]], [list[str]()]
+        for candidate, row in zip(self, table.rows, strict=True):
+            first, *rest = wrap(candidate.label, _COLUMNS_OF_NAME)
+            verdict = "not fitted" if candidate.fault else str(row[-2]).partition(" ")[0].rstrip(";")
+            lines.append([first, *map(str, row[1:-2]), verdict + "*" * (not candidate.converged)])
+            text = "; ".join(filter(None, [row[-1], candidate.fault]))
+            below.append([*rest, *wrap(text, 80, initial_indent="    ", subsequent_indent="    ")])
+        body = [line for parts in zip(aligned(lines), below, strict=True) for line in (parts[0], *parts[1])]
+        body += [f"* {_NOT_CONVERGED}"] * any(not one.converged for one in self)
+        return "\n".join([table.caption, *body, *table.notes])
+
     @property
     def table(self) -> TextTable:
-        """The table that is printed."""
+        """The table of pages and notebooks."""
         rows = tuple(
             (
                 whole_label(candidate, self.model.sensors),
                 candidate.parameters,
                 short(candidate.bic, 4),
                 f"{short(100 * candidate.held_out_error, 2)} %" if candidate.held_out_error >= 0 else "",
-                f"not fitted: {candidate.fault}"
-                if candidate.fault
-                else "best"
-                if candidate is self.candidates[0]
-                else "ties with the best"
-                if candidate.tied
-                else "worse",
+                (
+                    f"not fitted: {candidate.fault}"
+                    if candidate.fault
+                    else "best"
+                    if candidate is self.candidates[0]
+                    else "ties with the best"
+                    if candidate.tied
+                    else "worse"
+                )
+                + ("" if candidate.converged else f"; {_NOT_CONVERGED}"),
                 candidate.force,
             )
             for candidate in self

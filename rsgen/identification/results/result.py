@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from math import isfinite, nan
+from math import isfinite
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
@@ -18,7 +18,6 @@ from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
-    MISFIT_NEGLIGIBLE,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator
@@ -27,7 +26,7 @@ from rsgen.formula.unit_deduction import parameter_units
 from rsgen.formula.units import UNCALIBRATED, WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
-from rsgen.identification.results.remarks import HELD_OUT_SCALE, mass_lines
+from rsgen.identification.results.remarks import held_out_lines, mass_lines
 from rsgen.law.memory import with_equations
 
 if TYPE_CHECKING:
@@ -497,29 +496,10 @@ class Identification(Printed):
             notes=(
                 tested,
                 *mass_lines((*self, *self.fixed)),
-                *held_out_lines(self.held_out),
+                *held_out_lines(self.held_out, self.verdict.usable),
                 *map(str, self.findings),
             ),
         )
-
-
-def held_out_lines(held_out: Iterable[Any]) -> list[str]:
-    """Return a line for each held-out level or record: its error relative to the measured response."""
-    return [
-        f"held out {short(one.level, 4)} {one.level_unit}"
-        + (f", {one.sweep}" if getattr(one, "sweep", "rest") != "rest" else "")
-        + f": predicted with an error of {100 * one.error:.2g} %"
-        + (f", {one.missing} of {len(one.frequency)} points not at all" if getattr(one, "missing", 0) else "")
-        + _scale_of_error(one)
-        for one in held_out
-    ]
-
-
-def _scale_of_error(one: Any) -> str:
-    """Say what the error of a level is to be compared with; nothing of exact data, or of a record."""
-    if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
-        return ""
-    return f", {one.error / one.misfit:.2g} times the misfit; {HELD_OUT_SCALE}"
 
 
 # ----------------------------------------------------------------------------

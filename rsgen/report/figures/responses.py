@@ -18,6 +18,7 @@ from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import SWEEPS, Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import PredictedRecord
+from rsgen.identification.prediction.shown_levels import choose_levels
 from rsgen.identification.results import MultisineIdentification
 from rsgen.law.motion import waveform
 from rsgen.report.figures.drawing import (
@@ -30,6 +31,8 @@ from rsgen.report.figures.drawing import (
 )
 
 _MARKERS = {"rest": "o", "up": "^", "down": "v"}
+_SHADE: dict[str, Any] = {"color": "0.5", "alpha": 0.15, "lw": 0, "zorder": 0}
+"""Of what was not tested."""
 _SPREAD_OF_LEVEL = 0.1
 """Of the force at the points of a level: a curve at a force that is farther off belongs to no level."""
 
@@ -60,27 +63,6 @@ def _draw_curve(
         label = None
 
 
-def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
-    """Choose levels [N] to show from those that settled somewhere, evenly from lowest to highest.
-
-    Parameters
-    ----------
-    most
-        How many at most: more curves in one figure look alike.
-
-    Examples
-    --------
-    >>> from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
-    >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
-    >>> choose_levels(surface, 3)
-    [1.0, 5.0, 9.0]
-    """
-    levels = np.unique(surface.level[surface.settled])
-    if len(levels) > most:
-        levels = levels[np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))]
-    return [float(level) for level in levels]
-
-
 @in_style
 def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     """Draw frequency responses of at most six levels: measured points, predicted lines with their folds.
@@ -103,7 +85,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
-    curves = []
+    curves, untested = list[ResonanceCurve](), list[ResonanceCurve]()
     for level, colour in zip(levels, colours, strict=True):
         for sweep, marker in _MARKERS.items():
             frequency, amplitude = _tested(shown, level, sweep)
@@ -128,7 +110,8 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
             name = f"{quantity_text(curve.level, curve.level_unit, 3)}, not tested"
             _draw_curve(axes, curve, scale.factor, "0.5", name)
             curves.append(curve)
-    _limit(axes, shown, scale.factor)
+            untested.append(curve)
+    beyond = _limit(axes, shown, scale.factor, prediction.band, curves if prediction.band else untested)
     axes.set_xlabel("Frequency [Hz]")
     axes.set_ylabel(scale.label("Amplitude X"))
     handles, labels = axes.get_legend_handles_labels()
@@ -136,6 +119,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         title = "Level" if surface.base else "Force F"
         axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
     caption = _responses_caption(surface, shown, predicted, lines=bool(curves))
+    caption += " Shaded: beyond the tested frequencies or amplitudes, by the law alone." if beyond else ""
     return Drawing("responses", figure, caption, ax is None)
 
 
@@ -207,11 +191,28 @@ def _forces(surface: ResponseSurface) -> dict[float, float]:
     return {float(v): float(force) for v, force in zip(surface.levels, typical_amounts(surface), strict=True)}
 
 
-def _limit(axes: Axes, shown: ResponseSurface, factor: float) -> None:
-    if len(shown):
-        margin = 0.02 * float(np.ptp(shown.frequency))
-        axes.set_xlim(float(shown.frequency.min()) - margin, float(shown.frequency.max()) + margin)
-        axes.set_ylim(0, 1.12 * float(shown.amplitude.max()) / factor)
+def _limit(
+    axes: Axes,
+    shown: ResponseSurface,
+    factor: float,
+    band: tuple[float, float] | None,
+    curves: Sequence[ResonanceCurve],
+) -> bool:
+    """Show all points, the band asked for and some curves; shade what lies beyond the points, if anything."""
+    if not len(shown):
+        return False
+    low, high = float(shown.frequency.min()), float(shown.frequency.max())
+    margin, tested = 0.02 * (high - low), float(shown.amplitude.max()) / factor
+    left, right = (low, high) if band is None else (min(low, band[0]), max(high, band[1]))
+    inside = (c.amplitude[(c.frequency >= left) & (c.frequency <= right)] for c in curves)
+    highest = max((float(np.max(a, initial=0.0)) / factor for a in inside), default=0.0)
+    for start, stop in ((left, low), (high, right)):
+        axes.axvspan(start, stop, **_SHADE)
+    if highest > tested:
+        axes.axhspan(tested, 1.12 * highest, **_SHADE)
+    axes.set_xlim(left - margin, right + margin)
+    axes.set_ylim(0, 1.12 * max(tested, highest))
+    return highest > tested or (left, right) != (low, high)
 
 
 def _curves_of(prediction: Prediction, surface: ResponseSurface) -> dict[float, ResonanceCurve]:
