@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, cast
+from dataclasses import fields, replace
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +28,17 @@ def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
     array: NDArray[Any] = np.array(unmasked(values), dtype=dtype)
     array.flags.writeable = False
     return array
+
+
+Rows = TypeVar("Rows")
+
+
+def take_rows(table: Rows, chosen: Chosen, *others: str) -> Rows:
+    """Return a dataclass with some rows of its arrays, but for those of the ``others`` that have none."""
+    of_table: Any = table
+    columns = {one.name: getattr(table, one.name) for one in fields(of_table) if one.name not in others}
+    rows = {name: column[chosen] for name, column in columns.items() if isinstance(column, np.ndarray)}
+    return cast(Rows, replace(of_table, **rows))
 
 
 def true_runs(marks: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
+from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined, take_rows
 from rsgen.common.solvers import Rows, newton, solve_each
 from rsgen.common.tolerances import (
     ASSUMED_DAMPING_RATIO,
@@ -131,11 +131,7 @@ class Response:
 
     def select(self, chosen: Chosen) -> Response:
         """Take some of the points."""
-        part: dict[str, Any] = {
-            name: None if (column := getattr(self, name)) is None else column[chosen]
-            for name in self.columns()
-        }
-        return replace(self, **part)
+        return take_rows(self, chosen, "load_orders")
 
     def motion(self, omega: Array) -> Motion:
         """The motions at frequencies (n,) [rad/s]."""

@@ -103,6 +103,11 @@ class BackgroundTerms:
         """Take some of the points."""
         return replace(self, functions=self.functions[chosen], omega=self.omega[chosen])
 
+    def without_neighbour(self) -> BackgroundTerms:
+        """Return the residual terms alone, of a background with a neighbouring mode."""
+        kind = self.kind.replace("neighbour", "residuals")
+        return replace(self, kind=kind, names=self.names[:-4], units=self.units[:-4])
+
     def values_from(self, other: BackgroundTerms, values: Array) -> Array:
         """Return values (b,) with those of another background of the same band, zero where it has none."""
         known = dict(zip(other.names, values, strict=True))

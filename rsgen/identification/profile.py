@@ -20,7 +20,7 @@ the sum of squares has a corner or a plateau, and the interval is lopsided or op
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import TYPE_CHECKING
@@ -430,9 +430,7 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     # a balance is no data on how wide a bend is that it does not resolve, where nothing else tells
     names = (*law.parameters, "m")
     hidden = {name for name, gone in zip(names, found.hidden_by_noise, strict=False) if gone and law.rough}
-    asked = [estimate for estimate in estimates if estimate.name not in hidden]
-    replaced = {e.name: e for e in _replaced(lambda: _Likelihood(found), law, regression, asked)}
-    return tuple(replaced.get(estimate.name, estimate) for estimate in estimates)
+    return _replaced(lambda: _Likelihood(found), law, regression, estimates, hidden)
 
 
 def with_line_profiles(found: LineFit, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
@@ -443,10 +441,18 @@ def with_line_profiles(found: LineFit, estimates: Sequence[Estimate]) -> tuple[E
 
 
 def _replaced(
-    begin: Callable[[], _Likelihood], law: ForceLaw, regression: Regression, estimates: Sequence[Estimate]
+    begin: Callable[[], _Likelihood],
+    law: ForceLaw,
+    regression: Regression,
+    estimates: Sequence[Estimate],
+    hidden: Collection[str] = (),
 ) -> tuple[Estimate, ...]:
-    """Ask the likelihood at the ends of the intervals of nonlinear parameters and of what goes with them."""
+    """Ask the likelihood at the ends of the intervals of nonlinear parameters and of what goes with them.
+
+    Those of ``hidden`` parameters stay.
+    """
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
+    known = [e for e in known if e.name not in hidden]
     with_nonlinear = _with_nonlinear(regression.covariance, law.nonlinear)
     place = {name: i for i, name in enumerate((*law.parameters, "m"))}
     asked = [e for e in known if place[e.name] in with_nonlinear]

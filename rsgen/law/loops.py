@@ -143,19 +143,6 @@ def _nest_minor_loops(
             stack.append(int(following))
 
 
-def make_loops(
-    virgins: Sequence[SwitchedSum],
-    motion: tuple[Array, Array, Array],
-    step: Array,
-    values: Sequence[Any] | Array,
-) -> list[Loop]:
-    """Return the loop of every virgin curve along motions: displacement, velocity, acceleration (n, s)."""
-    if not virgins:
-        return []
-    at = find_reversals(*motion, step)
-    return [Loop(virgin, *motion[:2], step, values, at) for virgin in virgins]
-
-
 class Loop:
     """The loop of one virgin curve along motions (n, s) with known reversals.
 
@@ -517,7 +504,10 @@ class Loops:
             rates += list(loops.rates)
             moved += [list(loops.by_parameter[:, i]) for i in range(len(loops.states))]
             perturb.append((len(loops.states), loops.perturb))
-        for loop in make_loops(self._virgins, (x, v, a), step, values):
+        if self._virgins:
+            reversals = find_reversals(x, v, a, step)
+        for virgin in self._virgins:
+            loop = Loop(virgin, x, v, step, values, reversals)
             memory.append(loop.force)
             rates.append(loop.slope * v)
             moved.append(loop.by_parameter)

@@ -25,7 +25,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array, ComplexArray, take_rows
 from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.data.free_mode import Kinematics
@@ -207,9 +207,7 @@ def _certain(decay: FreeDecay) -> FreeDecay:
     damping = np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS).mean(axis=1)
     certain = np.logical_and.accumulate(_MAX_NOISE * damping * size > noise)
     certain[:_NEIGHBOURS] = True
-    names = ("time", "frequency", "damping_ratio", "stiffness", "damping", "stiffness_error", "damping_error")
-    parts = {name: getattr(decay, name)[certain] for name in (*names, "harmonics")}
-    return replace(decay, **parts)
+    return take_rows(decay, certain)
 
 
 def follow_decay(

@@ -135,12 +135,6 @@ class Observed:
         """Return the phase (n,) of the model's reference [rad], zero without recorded phases."""
         return np.asarray(nuisance[:, 1 : self.parts].sum(axis=1))
 
-    def without_neighbour(self) -> Observed:
-        """Return the points with residual terms in place of a neighbouring mode."""
-        kind = self.background.kind.replace("neighbour", "residuals")
-        shape = background_terms(kind, self.points.omega, self.points.force, self.background.band)
-        return replace(self, background=shape, fitted=self.fitted[: len(shape.names)])
-
     def select(self, chosen: Chosen) -> Observed:
         """Keep some points; the band of the background stays."""
         scale = None if self.scale is None else self.scale[chosen]

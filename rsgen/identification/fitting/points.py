@@ -7,14 +7,14 @@ the mass.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from math import nan
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, Chosen
+from rsgen.common.arrays import Array, Chosen, take_rows
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.history.envelope import NOISE_OF_SLOPE
@@ -182,9 +182,7 @@ class Points:
 
     def select(self, chosen: Chosen) -> Points:
         """Keep some points."""
-        columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        rows: dict[str, Any] = {k: v[chosen] for k, v in columns.items() if isinstance(v, np.ndarray)}
-        return replace(self, **rows)
+        return take_rows(self, chosen)
 
     def spread(self, count: int) -> NDArray[np.intp]:
         """Return the indices of about ``count`` points, evenly over the amplitude."""

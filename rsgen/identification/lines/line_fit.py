@@ -240,7 +240,7 @@ def fit_lines(
 def _place_neighbour(fit: LineFit) -> LineFit:
     """Return a fit with a neighbouring mode at the natural frequency of least misfit."""
     own = fit.lines.background
-    residuals = background_of_lines(own.kind.replace("neighbour", "residuals"), fit.lines.spectra, own.band)
+    residuals = own.without_neighbour()
     without = replace(fit.lines, background=residuals, subtracted=np.zeros(len(residuals.names)))
     begun = fit_lines(without, fit.law, fit.fixed, fit.values, fit.mass)
     fit = replace(fit, variance=begun.variance)

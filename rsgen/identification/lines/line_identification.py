@@ -67,7 +67,7 @@ from rsgen.identification.results import (
     Resonance,
     units_of,
 )
-from rsgen.identification.results.alternatives import Alternative, Alternatives
+from rsgen.identification.results.alternatives import Alternative, Alternatives, stands_out
 from rsgen.identification.results.estimates import (
     Errors,
     Statement,
@@ -345,7 +345,7 @@ def _is_noise(fit: LineFit, others: Alternatives) -> bool:
     of which takes up some of what any law or background leaves.
     """
     if fit.lines.spectra.periods == 1:
-        return not others.any_stands_out
+        return not any(stands_out(one) for _, _, one in others)
     return not fit.systematic
 
 

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks
+from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, take_rows
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import (
     ASSUMED_RELATIVE_NOISE,
@@ -146,11 +146,9 @@ class ReferenceMotion:
 
     def select(self, chosen: Chosen) -> ReferenceMotion:
         """Keep some points."""
-        columns = {f.name: getattr(self, f.name) for f in fields(self)}
-        whole = ("measured", "background", "points", "across")
-        of_points = {k: v[chosen] for k, v in columns.items() if k not in whole}
+        part = take_rows(self, chosen, "measured", "background")
         across = self.across and self.across.select(chosen)
-        return replace(self, points=self.points.select(chosen), across=across, **of_points)
+        return replace(part, points=self.points.select(chosen), across=across)
 
     def with_across(
         self, harmonics: ComplexArray, across: ComplexArray, share: float, far: ComplexArray | None = None

@@ -183,11 +183,6 @@ class Alternatives(Brief):
         every = ((kind, name, one) for kind, of_kind in self.kinds.items() for name, one in of_kind.items())
         return (entry for entry in every if np.isfinite(entry[2].error))
 
-    @property
-    def any_stands_out(self) -> bool:
-        """True if some alternative takes up more than noise of four standard errors."""
-        return any(stands_out(one) for _, _, one in self)
-
     def largest(self, values: Array) -> dict[str, Alternative]:
         """Return, by name, the alternatives of each kind that widen an error of values (q,) most, by much."""
         found = {}

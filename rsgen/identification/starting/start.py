@@ -430,9 +430,10 @@ def _place_neighbour(problem: Problem, parameters: Array) -> list[Array]:
 
     Each trial begins with light damping and a share of the residue of the mode, and has a few steps.
     """
-    without = replace(problem, observed=problem.observed.without_neighbour())
-    mode = len(parameters) - 4
-    begun = fit_balance(without, parameters[:mode], order=1, steps=MAX_TRIAL_STEPS, correct=False)
+    seen = problem.observed
+    alone = replace(seen, background=seen.background.without_neighbour(), fitted=seen.fitted[:-4])
+    without, start = replace(problem, observed=alone), parameters[:-4]
+    begun = fit_balance(without, start, order=1, steps=MAX_TRIAL_STEPS, correct=False)
     fits = []
     for neighbour in neighbours(problem.observed.background.band, begun.mass):
         trial = np.concatenate([begun.regression.parameters, neighbour])
