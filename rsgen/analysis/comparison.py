@@ -20,7 +20,7 @@ from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
 from rsgen.identification.results.alternatives import Alternative
 from rsgen.law.memory import force_keys
-from rsgen.law.motion import Motion
+from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law, in_order
 
 _FORCE_POINTS = 401
@@ -288,8 +288,7 @@ def _force(identification: Identification, key: str, values: Mapping[str, float]
     if key == "loop_force":
         amplitude = np.geomspace(float(size.min()), float(size.max()), _LOOPS)
         omega = np.full(_LOOPS, 2 * np.pi * float(np.median(curve.frequency[chosen])))
-        sines = Motion(omega, np.stack([np.zeros(_LOOPS), amplitude], axis=1).astype(complex))
-        return law.along(sines, point, _FORCE_POINTS - 1).force
+        return law.along(sine_motion(omega, amplitude), point, _FORCE_POINTS - 1).force
     rest = np.zeros(_FORCE_POINTS)
     if key == "stiffness_force":
         reach = np.linspace(-1, 1, _FORCE_POINTS) * float(size.max())

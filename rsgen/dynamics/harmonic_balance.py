@@ -32,7 +32,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
-from rsgen.law.motion import FourierSeries, Motion, fourier_series
+from rsgen.law.motion import FourierSeries, Motion, fourier_series, sine_motion
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -481,7 +481,7 @@ def balance_states(
     with np.errstate(all="ignore"):
         x, v, a = motion.waveforms(samples)
         inner = law.along(motion, law.ordered(oscillator.values), samples).force
-        left = oscillator.mass * a + inner - Motion(motion.omega, _fundamental(force)).waveforms(samples)[0]
+        left = oscillator.mass * a + inner - sine_motion(motion.omega, force).waveforms(samples)[0]
         unbalanced = np.linalg.norm(left, axis=1) / np.sqrt(samples) / np.abs(force)
     return SteadyStates(
         harmonics=np.where(valid[:, None], motion.harmonics, complex(np.nan, np.nan)),
@@ -491,10 +491,6 @@ def balance_states(
         outcome=np.where(valid, 0, 1).astype(np.int8),
         error=np.full(len(valid), np.nan),
     )
-
-
-def _fundamental(values: ComplexArray) -> ComplexArray:
-    return np.stack([np.zeros_like(values), values], axis=1)
 
 
 def hold_oscillator(

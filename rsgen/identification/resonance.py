@@ -26,6 +26,7 @@ from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
+from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import ForceLaw
 
 _MIN_COSINE_OF_STEP = np.cos(np.pi / 5)
@@ -166,7 +167,7 @@ def fit_resonances(
             return Solution(unknown, mass, np.diag(np.append(unknown, mass_error)), 1, np.nan)
         # the turning points of an asymmetric motion need its mean
         turned = not law.odd and (0 in points.measured or bool(np.isfinite(points.peak).all()))
-        sine = np.stack([np.zeros(good.sum()), size[good]], axis=1).astype(complex)
+        sine = sine_motion(omega[good], size[good]).harmonics
         equations = replace(
             Equations.plain(omega[good], 1j * force[good], sine),
             turning=turning[good] if turned else np.zeros((0, 2)),

@@ -522,7 +522,7 @@ def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
     seen = np.abs(table.harmonics[:, 1])
     held = np.isfinite(seen) & (seen > 0)
     force = np.abs(table.force).astype(np.complex128)
-    harmonics = np.column_stack([np.zeros(len(seen)), seen]).astype(np.complex128)
+    harmonics = sine_motion(table.omega, seen).harmonics
     b, omega, wanted = receptance[held], table.omega[held], seen[held]
     size = np.array(wanted)
     for _ in range(MAX_TRIAL_STEPS):
