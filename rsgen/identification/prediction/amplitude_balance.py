@@ -446,12 +446,8 @@ def table_as_identification(table: ModalTable) -> Identification:
     test = table.test
     return Identification(
         model=Model(ANY_LAW, observation=test.observation),
-        paper=(),
-        first_order=(),
         refined=(Estimate("m", table.splines.mass, 0.0, (table.splines.mass,) * 2, "kg"),),
-        first_order_bias=(),
         covariance=np.zeros((1, 1)),
-        resonances=(),
         curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units, test.base),
         residual=table.misfit,
         noise=table.misfit,

@@ -81,12 +81,8 @@ def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identi
     empty = np.zeros(0)
     return Identification(
         model=Model(oscillator.elements, oscillator.mass),
-        paper=(),
-        first_order=(),
         refined=estimates,
-        first_order_bias=(),
         covariance=np.zeros((len(values), len(values))),
-        resonances=(),
         curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool)),
         residual=0.0,
         noise=0.0,

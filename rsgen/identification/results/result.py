@@ -334,12 +334,12 @@ class Identification(Printed):
     """
 
     model: Model
-    paper: tuple[Estimate, ...]
-    first_order: tuple[Estimate, ...]
+    paper: tuple[Estimate, ...] = field(default=(), kw_only=True)
+    first_order: tuple[Estimate, ...] = field(default=(), kw_only=True)
     refined: tuple[Estimate, ...]
-    first_order_bias: tuple[float, ...]
+    first_order_bias: tuple[float, ...] = field(default=(), kw_only=True)
     covariance: NDArray[np.float64]
-    resonances: tuple[Resonance, ...]
+    resonances: tuple[Resonance, ...] = field(default=(), kw_only=True)
     curve: EquivalentCurve
     residual: float
     noise: float
