@@ -9,6 +9,7 @@ import pytest
 import rsgen as rs
 from rsgen.analysis.comparison import compare
 from rsgen.identification.identify import identify
+from rsgen.identification.results.alternatives import Alternative
 from tests.surfaces import model, noisy, surface, truth
 
 LAW = "k*x + k3*x**3 + c*v"
@@ -48,6 +49,13 @@ def test_fits_stand_side_by_side(fits):
     assert len(frame.loc["k3"]) == 2
     assert list(frame.loc["k"]["fit"]) == ["cubic", "with phase", "linear"]
     assert compared.findings == ()
+
+
+def test_an_alternative_that_gains_nothing_is_none(fits):
+    others = fits[0].alternatives
+    none = replace(others, kinds={"term": {"x": Alternative(0.0, 1.0, np.ones(len(others.names)))}})
+    assert len(none.largest(np.ones(len(others.names)))) == 1
+    assert len(rs.compare_fits(replace(fits[0], alternatives=none)).fits) == 1
 
 
 def changed(fit: rs.Identification, *names: str, by: float = 1.0, **changes: Any) -> rs.Identification:

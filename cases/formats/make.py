@@ -102,7 +102,7 @@ def steps(level: float) -> tuple[Array, Array]:
 
 def write_text(tables: list[Table]) -> None:
     """Write acceleration in g and lag in degrees; and one file a level with decimal commas, without phase."""
-    rows = ["frequency_Hz,force_N,acceleration_g,lag_deg"]
+    rows = ["frequency_Hz,force_peak_N,acceleration_peak_g,lag_deg"]
     for level, frequency, force, response in tables:
         ratio = response / force
         alone = ["f;a"]

@@ -583,4 +583,4 @@ def _with_alternatives(found: Identification) -> list[ComparedFit]:
     errors = dict(zip(others.names, others.error.tolist(), strict=True))
     stated = any(isfinite(one.standard_error) for one in found.refined)
     largest = others.largest(np.append(found.solution, found.mass)) if stated else {}
-    return [fit, *(fit.shifted(name, one, errors) for name, one in largest.items())]
+    return [fit, *(fit.shifted(name, one, errors) for name, one in largest.items() if one.gain > 0)]

@@ -30,7 +30,7 @@ from rsgen.common.errors import (
     shown_path,
     suggest,
 )
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, Quantity
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import KNOWN_MASS, Model, Observation, Oscillator, total_force
 from rsgen.data.record_set import BASE_UNITS, PlannedTest, match_level
@@ -524,7 +524,7 @@ _OPEN_ENTRY = re.compile(r"\s*(\w+)\s*=.*# TODO: ")
 def mark_open_entries(
     case: Case, test: ResponseSurface | MultisineSpectra
 ) -> ResponseSurface | MultisineSpectra:
-    """Return the test of a case with a doubt where an entry still has the TODO of its draft, else without.
+    """Return the test of a case with its mass, and a doubt where an entry still has the TODO of its draft.
 
     No number of a test shows that a unit or a sign is another one, so that only a person can confirm these.
     """
@@ -535,9 +535,11 @@ def mark_open_entries(
         elif entry := _OPEN_ENTRY.match(line):
             found.append(f"{entry[1]} of {table} (line {number})")
     doubt = Finding("entries-not-confirmed", "doubt", names={"entries": listed(found)})
-    # a file of an earlier run has the doubt of that time
-    others = [one for one in test.findings if one.code != doubt.code]
-    return replace(test, findings=(*others, doubt) if found else tuple(others))
+    mass = case.model.mass
+    known = [] if mass is None else [Finding("mass-of-case", "info", "m", {"mass": Quantity(mass, "kg")})]
+    # a file of an earlier run has the doubt and the mass of that time
+    others = [one for one in test.findings if one.code not in (doubt.code, "mass-of-case")]
+    return replace(test, findings=(*others, *([doubt] if found else []), *known))
 
 
 def read(

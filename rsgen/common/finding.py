@@ -80,7 +80,8 @@ class Finding:
 
     def __str__(self) -> str:
         """Severity and sentence; the layer above makes it, and is loaded when one is printed."""
-        return f"{self.severity}: {import_module('rsgen.report.wording.sentences').sentence(self)}"
+        severity = "note" if self.severity == "info" else self.severity
+        return f"{severity}: {import_module('rsgen.report.wording.sentences').sentence(self)}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the mappings as plain dicts, so that processes can exchange findings."""

@@ -176,13 +176,13 @@ class Table:
             )
 
     def real(self, column: int | str) -> Array:
-        """Return a column of real numbers."""
+        """Return a column of real numbers; a column of a complex matrix has imaginary parts of zero."""
         values = self.columns[column]
-        if np.iscomplexobj(values):
+        if np.iscomplexobj(values) and values.imag.any():
             raise MeasurementError(
                 f"{self.label}: {quote(column)} is complex; name it by 'complex', or name a real one"
             )
-        return np.asarray(values, dtype=np.float64)
+        return np.asarray(np.real(values), dtype=np.float64)
 
     def keep(self, mask: NDArray[np.bool_]) -> Table:
         """Keep some rows."""

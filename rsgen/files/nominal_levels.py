@@ -329,6 +329,8 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     # labels that the case calls so are no amounts
     proportional = not test.level.labels and ratio.max() < LEVEL_TOLERANCE * ratio.min()
     numbers = {"ratio": Quantity(float(np.median(ratio)))} if proportional else {}
+    corrected = [f for f in surface.findings if f.code == "sweep-rate" and f.names.get("mass") == "given"]
+    numbers |= {"mass": corrected[0].numbers["mass"]} if corrected else {}
     finding = Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)
     return replace(renamed, findings=(*surface.findings, finding))
 

@@ -33,6 +33,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
 from rsgen.data.oscillator import Model, refuse_across
+from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.linear_part import background_terms
@@ -347,6 +348,9 @@ class Findings:
         found += gain_findings(problem.observed.background, self.fit.background, variance, self.fit.mass)
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
+        # next to a background a mode without a law has another mass
+        mass = self.model.mass if self.model.observation.background == "none" else None
+        found += mode_findings(self.surface, mass, found)
         found += self._runs()
         return found
 

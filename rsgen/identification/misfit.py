@@ -36,6 +36,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS
+from rsgen.data.surface.mode_findings import fixed_contradicted
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
@@ -46,7 +47,6 @@ from rsgen.identification.fitting.observed import Problem, constant_mean, is_sys
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.alternatives import Agreement, Alternative, Alternatives
-from rsgen.identification.results.estimates import fixed_contradicted
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
 from rsgen.identification.terms import (
     EVEN_SHARE,

@@ -250,6 +250,24 @@ def test_a_surface_is_read_from_a_test_a_case_and_a_file(tmp_path):
         rsgen.read(ROOT / "cases" / "cubic.toml")
 
 
+def test_a_test_that_was_read_has_the_mass_of_its_case(tmp_path):
+    """``rs.read`` dropped it, and the mass was identified."""
+    table, path = (ROOT / "cases" / "formats" / name for name in ("table.csv", "csv-table.toml"))
+    text = path.read_text(encoding="utf-8").replace(
+        "[[element]]", '[system]\nmass = "1.5 kg"\n[[element]]', 1
+    )
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    surface = rsgen.read(tmp_path / "case.toml", table.parent)
+    law = "k*x + kn*x**3 + c*v"
+    found = rsgen.identify(surface, law)
+    assert found.mass == found.model.mass == 1.5
+    assert "mass-of-case" in {one.code for one in found.findings}
+    other = rsgen.identify(surface, law, mass=1.51)
+    assert other.mass == 1.51
+    assert "mass-of-case" not in {one.code for one in other.findings}
+    assert rsgen.identify(rsgen.read(path), law).model.mass is None
+
+
 @functools.cache
 def _validator():
     schema = case_schema()

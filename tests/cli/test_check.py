@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 
@@ -53,6 +54,27 @@ def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path
         for part in reason.split(" ... "):
             assert part in checked.err
             assert part in " ".join(ran.faults)
+
+
+def test_check_says_that_a_mass_has_another_unit_than_force_and_response(tmp_path, run_cli):
+    table, (path, given) = (
+        "cases/formats/table.csv",
+        (tmp_path / "mass.toml", '[system]\nmass = "1.5 kg"\n\n'),
+    )
+    (tmp_path / "table.csv").write_bytes(Path(table).read_bytes())
+    text = Path("cases/formats/csv-table.toml").read_text(encoding="utf-8")
+    for mass, said in (("1500 kg", True), ("1.5 kg", False)):
+        path.write_text(text.replace("[[element]]", given.replace("1.5 kg", mass) + "[[element]]", 1))
+        assert ("doubt: with m = 1.5 kg in place of the given 1500 kg" in run_cli("check", path).out) == said
+    # one word for what is no doubt, on page and terminal
+    text = (
+        path.read_text(encoding="utf-8")
+        .replace('unit        = "g"\n', "")
+        .replace("acceleration_peak_g", "a")
+    )
+    (tmp_path / "table.csv").write_text(Path(table).read_text().replace("acceleration_peak_g", "a"))
+    path.write_text(text)
+    assert "  note: no unit stands in the case or the file" in run_cli("check", path).out
 
 
 def test_a_doubt_is_no_note(tmp_path, run_cli):

@@ -18,6 +18,7 @@ from rsgen.data.history.tracking import find_sweeps
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.files.files_to_surface import read_measurement
 from rsgen.identification.identify import identify
 from rsgen.law.element import make_element
 from tests.oracles.swept import driven, sweep
@@ -94,7 +95,7 @@ def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() 
 
 
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
-def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None:
+def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str, monkeypatch) -> None:
     # the receptance of a linear oscillator is known; at rate/(half width)^2 = 5 it is shifted by a half width
     law, rate, n = SweepLaw("linear", 8.0, 0.05), 400.0, 36000
     o = linear()
@@ -120,6 +121,7 @@ def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str) -> None
     assert fast["shift"] == pytest.approx(5 / (2 * np.pi), rel=0.02)
     assert fast["mass"] == pytest.approx(MASS, rel=1e-3)
     # and without correction it is as wrong as the literature says
+    monkeypatch.setattr(swept_sine, "MASS_IN_OTHER_UNIT", np.inf)
     raw = from_swept_sine(history, band=(8.5, 12), mass=1e-12)
     dynamic = raw.force / raw.harmonics[:, 1]
     apparent = (dynamic.imag / raw.omega)[np.abs(raw.frequency - 10) < 0.1]
@@ -222,6 +224,22 @@ def test_a_correction_that_is_in_doubt_doubts_the_result(pace, wrong, severity, 
     # a sweep that is too fast to find a mass is not corrected; its resonance looks wider than it is
     assert ("correction" in fast.numbers) == (pace < 1)
     assert fast["pace"] == pytest.approx(pace / 0.1**2, rel=0.05) if pace < 1 else 1 < fast["pace"] < 200
+
+
+@pytest.mark.parametrize("times", [30.0, 0.01])
+def test_the_correction_takes_the_mass_of_the_sweeps_where_the_given_one_has_another_unit(
+    times: float,
+) -> None:
+    test = load_case("cases/formats/mat-sweep.toml").test
+
+    def read_with(mass: float | None) -> ResponseSurface:
+        assert test.history is not None
+        return read_measurement(replace(test, history=replace(test.history, mass=mass)))
+
+    right, wrong = read_with(1.5), read_with(1.5 * times)
+    assert np.array_equal(wrong.outcome, right.outcome)
+    np.testing.assert_allclose(wrong.force, right.force, rtol=1e-3)
+    assert not {"doubt", "warning"} & {finding.severity for finding in wrong.findings}
 
 
 def test_points_with_a_force_in_its_noise_are_not_settled() -> None:

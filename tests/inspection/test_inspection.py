@@ -14,7 +14,7 @@ import pytest
 import scipy.io
 
 from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.cases.loading import load_case
+from rsgen.cases.loading import load_case, read
 from rsgen.common.errors import MeasurementError
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.files_to_surface import read_measurement
@@ -309,7 +309,7 @@ def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
     path = table(tmp_path / "a.csv", "run,freq (Hz),F (N),acc (g),phi (deg)", rows)
     said = doubts(path)
     assert proposed(path)["force"]["scale"] == proposed(path)["response"]["scale"] == "peak"
-    assert said["test.force.scale"] == said["test.response.scale"] == 'or "rms"; the file does not say'
+    assert said["test.force.scale"] == said["test.response.scale"] == 'TODO: or "rms"; the file does not say'
     assert said["test.response.phase_sense"].startswith("no title says it")
     assert said["test.response.amplitude"] == "left out: run"
     assert len(read_case(begun(path))) == 18
@@ -320,6 +320,25 @@ def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
     assert not doubts(table(path, told, [row[2:] for row in rows]))
     asked = doubts(table(path, twice, [row[2:-4] for row in rows]))
     assert {"test.force.scale", "test.response.scale"} <= asked.keys()
+
+
+def test_a_table_with_neutral_titles_is_asked_for_quantity_unit_and_scale_of_its_response(tmp_path, begun):
+    """The draft had `unit = "m"` without a word, and no column of the only motion."""
+    rows = [f"{5 + f / 10},{level},{level * (1 + f)},{170 - f}" for level in (1, 3) for f in range(9)]
+    path = table(tmp_path / "a.csv", "f,F,u,phi", rows)
+    said = doubts(path)
+    places = ("force.unit", "force.scale", "response.quantity", "response.unit", "response.scale")
+    assert {f"test.{place}" for place in places} == {key for key in said if said[key].startswith("TODO")}
+    taken = {"quantity": "displacement", "unit": "m", "amplitude": "u", "phase": "phi", "scale": "peak"}
+    assert taken.items() <= proposed(path)["response"].items()
+    (open_,) = (one for one in read(begun(path)).findings if one.code == "entries-not-confirmed")
+    assert open_.names["entries"].count("test.response") == 3
+    # of two columns none is taken, and no unit either
+    two = doubts(table(path, "f,F,u,q,phi", [row + ",7" for row in rows]))
+    asked = {key for key in two if two[key].startswith("TODO") and "response" in key}
+    assert asked == {"test.response.amplitude", "test.response.unit", "test.response.scale"}
+    # the first case of the README has nothing to look up
+    assert not doubts(Path("cases/formats/table.csv"))
 
 
 @pytest.mark.parametrize(("name", "begin", "found"), [

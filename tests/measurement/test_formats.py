@@ -7,6 +7,7 @@ import time
 import wave
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.histories import read_histories
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.labview import walk_lvm
-from rsgen.files.plan import HistoryRule, MeasuredTest
+from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.sandbox import read_binary
 from rsgen.files.signals import Channel
 from rsgen.files.tree import LARGEST_BYTES, find
@@ -369,3 +370,21 @@ def test_a_tdms_file_that_declares_more_than_it_has(tmp_path, count):
     with pytest.raises(MeasurementError, match=rf"^{re.escape(str(path))}: "):
         array(path, "g/c")
     assert time.monotonic() - begin < SECONDS
+
+
+def test_a_complex_matrix_a_run_has_its_frequencies_with_imaginary_parts_of_zero(tmp_path, run_cli):
+    """MATLAB makes [f, X] complex; the frequency was refused as complex."""
+    frequency, response = np.linspace(8.0, 12.0, 20), np.exp(1j * np.linspace(0.1, 3.0, 20))
+    runs = {f"run_{level}N": np.column_stack([frequency, level * response]) for level in (1, 2)}
+    savemat(tmp_path / "runs.mat", runs)
+    test = MeasuredTest(
+        tmp_path / "runs.mat", "run_*[1]", Channel(nominal=True),
+        Channel(complex="run_*[2]", phase_sense="lead", unit="mm"), "displacement",
+        level=LevelRule(values=(1.0, 2.0)),
+    )  # fmt: skip
+    surface = read_measurement(test)
+    np.testing.assert_allclose(surface.frequency, np.tile(frequency, 2))
+    np.testing.assert_allclose(surface.harmonics[20:, 1], 2e-3 * response)
+    assert "a table has [test.frequency]" in run_cli("inspect", tmp_path / "runs.mat").out
+    with pytest.raises(MeasurementError, match="is complex"):
+        read_measurement(replace(test, frequency="run_*[2]"))

@@ -268,6 +268,14 @@ def test_levels_in_the_volts_of_a_drive_are_told_to_be_labels():
         )  # fmt: skip
 
 
+def test_levels_of_a_sweep_that_a_mass_corrected_are_not_said_to_be_measured():
+    test = rsgen.load_case("cases/formats/mat-sweep.toml").test
+    turned = replace(test, response=replace(test.response, factor=-1000.0))
+    found = read_measurement(replace(turned, history=replace(test.history, mass=1.5)))
+    (said,) = (one for one in found.findings if one.code == "levels-disagree")
+    assert "were measured, corrected for the sweep with the given mass of 1.5 kg," in sentence(said)
+
+
 def test_labels_cannot_stand_for_a_force():
     rule = LevelRule(values=(1, 3), unit="label")
     with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):

@@ -52,6 +52,18 @@ def test_a_moved_value_is_given_in_its_standard_errors(tmp_path):
     assert not back.worse
 
 
+def test_a_comparison_of_two_laws_says_that_they_differ(tmp_path, run_cli):
+    """One verdict was called "for the worse", as if a result had been lost."""
+    one, other = written(tmp_path / "a"), written(tmp_path / "b", kn1=0.04)
+    result = json.loads((other / "result.json").read_text(encoding="utf-8"))
+    result["elements"] = [{**result["elements"][0], "force": "k1*x"}, *result["elements"][1:]]
+    (other / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    shown = run_cli("diff", one, other).out
+    assert "the laws differ: " in shown
+    assert shown.endswith("1 of 1 case changed, 1 with a graver verdict or a disagreement\n")
+    assert "the laws differ" not in run_cli("diff", one, written(tmp_path / "c", kn1=0.04)).out
+
+
 def test_folders_are_compared_case_by_case(tmp_path):
     for side, names in (("a", ("one", "two")), ("b", ("two", "three"))):
         for name in names:

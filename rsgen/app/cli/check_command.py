@@ -14,6 +14,7 @@ from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program
 from rsgen.common.finding import Finding
 from rsgen.data.multisine.linear import implausible
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records
+from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.points import (
@@ -70,7 +71,9 @@ def size_findings(table: ResponseSurface | MultisineSpectra, case: Case) -> list
     calibrated = case.observation.calibrated
     if isinstance(table, MultisineSpectra):
         return list(implausible(table)) if calibrated else []
-    return [*plausibility_findings(table, calibrated=calibrated)]
+    found = [*plausibility_findings(table, calibrated=calibrated)]
+    mass = case.model.mass if case.observation.background == "none" else None
+    return [*found, *mode_findings(table, mass, found)]
 
 
 def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:
@@ -91,7 +94,8 @@ def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:
         raise CaseError(faults)
     # of a virtual test only an amplitude that is held is known
     sized = planned is None or getattr(planned, "control", "") in ("response", "continuation")
-    findings = (*table.findings, *size_findings(table, case)) if sized else ()
+    read_as = [f for f in table.findings if f.code != "mass-of-case"]
+    findings = (*read_as, *size_findings(table, case)) if sized else ()
     finds_mass = case.model.mass is None and not table.per_mass
     notes = sentences_of_elements(case.model.elements)
     lines = [f"note: {text}" for text in notes]

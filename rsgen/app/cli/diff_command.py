@@ -20,11 +20,15 @@ from rsgen.report.wording.sentences import full_sentence, next_step
 
 @dataclass(frozen=True, slots=True)
 class CaseDifference:
-    """One case in several results; ``everywhere`` is False where one of the places has no such case."""
+    """One case in several results; ``everywhere`` is False where one of the places has no such case.
+
+    ``laws`` are the different ones of the results.
+    """
 
     case: str
     fits: FitComparison
     everywhere: bool
+    laws: tuple[str, ...] = ()
 
     @property
     def changed(self) -> bool:
@@ -41,12 +45,16 @@ class CaseDifference:
         return max(others, default=first) > first
 
 
-def _fits(place: Path) -> dict[str, ComparedFit]:
+def _fits(place: Path) -> dict[str, tuple[ComparedFit, str]]:
     single = read_result(place / "result.json")
     entries = [single] if single else read_results(place)
     if not entries:
         raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case> or a folder of them")
-    return {str(entry.result["case"]): entry.fit(str(place)) for entry in entries}
+    laws = (" + ".join(str(e["force"]) for e in entry.result.get("elements", [])) for entry in entries)
+    return {
+        str(entry.result["case"]): (entry.fit(str(place)), law)
+        for entry, law in zip(entries, laws, strict=True)
+    }
 
 
 def compare_results(*places: str | Path) -> tuple[CaseDifference, ...]:
@@ -68,11 +76,12 @@ def compare_results(*places: str | Path) -> tuple[CaseDifference, ...]:
     if all(len(fits) == 1 for fits in found):
         name = " and ".join(dict.fromkeys(case for fits in found for case in fits))
         found = [dict.fromkeys([name], *fits.values()) for fits in found]
-    cases = [
-        (case, tuple(fits[case] for fits in found if case in fits))
-        for case in sorted({case for fits in found for case in fits})
-    ]
-    return tuple(CaseDifference(case, FitComparison(fits), len(fits) == len(found)) for case, fits in cases)
+    differences = []
+    for case in sorted({case for fits in found for case in fits}):
+        fits, laws = zip(*(fits[case] for fits in found if case in fits), strict=True)
+        same = len(fits) == len(found)
+        differences.append(CaseDifference(case, FitComparison(fits), same, tuple(dict.fromkeys(laws))))
+    return tuple(differences)
 
 
 def difference_data(differences: Sequence[CaseDifference]) -> list[dict[str, Any]]:
@@ -112,9 +121,13 @@ def diff_command(
     for one in differences:
         if one.changed:
             print_line(one.case)
+            if len(one.laws) > 1:
+                print_line(f"  the laws differ: {'; '.join(one.laws)}")
             print_block("", str(one.fits))
             for finding in one.fits.findings:
                 print_line(f"{full_sentence(finding)} {next_step(finding)}")
     cases = "case" if len(differences) == 1 else "cases"
-    print_line(f"{changed} of {len(differences)} {cases} changed, {worse} for the worse")
+    print_line(
+        f"{changed} of {len(differences)} {cases} changed, {worse} with a graver verdict or a disagreement"
+    )
     return DOUBTED_RESULT if worse else USABLE_RESULT

@@ -47,6 +47,7 @@ from rsgen.data.history.tracking import (
     most_by_pace,
     sweep_by_sweep,
 )
+from rsgen.data.surface.mode_findings import MASS_IN_OTHER_UNIT
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 
 _WIDE_WINDOW = 1.5
@@ -252,8 +253,10 @@ def _surface(parts: list[SweptPoints], mass: float | None) -> ResponseSurface:
     motion = Kinematics.joined([part.motion for part in parts])
     omega = 2 * pi * column("drive").real
     outcome = _by_windows(force, motion, flattened, column("unclear").real)
-    moving = MovingMass(mass, "given", _MAX_CORRECTION) if mass is not None else None
-    moving = moving or _moving_mass(parts, force, motion, outcome == Outcome.SETTLED)
+    moving = _moving_mass(parts, force, motion, outcome == Outcome.SETTLED)
+    own = moving.value if moving and moving.good_to == _MAX_CORRECTION else mass
+    if mass is not None and own is not None and abs(np.log(own / mass)) < np.log(MASS_IN_OTHER_UNIT):
+        moving = MovingMass(mass, "given", _MAX_CORRECTION)
     steady, damping = force, None
     if moving is not None:
         steady, damping = steady_force(force, motion, moving.value, omega)

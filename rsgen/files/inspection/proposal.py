@@ -269,7 +269,10 @@ def _propose_history(draft: _Draft, time: Entry | None) -> None:
     excitation = next((kind for sign, kind in _EXCITATIONS.items() if sign in stem), UNKNOWN)
     draft.tables["test"] = {"excitation": excitation}
     if excitation == UNKNOWN:
-        draft.doubts["test.excitation"] = f"{clues.TODO}write {_CHOICES}{clues.said_in(draft.contents)}"
+        table = "" if time else "; a table has [test.frequency] in place of it, with a column such as a_*[1]"
+        draft.doubts["test.excitation"] = (
+            f"{clues.TODO}write {_CHOICES}{table}{clues.said_in(draft.contents)}"
+        )
     draft.tables["test.time"] = _time(draft, draft.take(time))
     longest = max((max(entry.shape, default=1) for entry in draft.free), default=0)
     size = time.size if time else longest
@@ -362,6 +365,12 @@ def _write_signals(
     moved = [sensor for sensor in sensors if id(sensor) not in driving]
     responses = [sensor for sensor in moved if _is_response(sensor.main)]
     free = [sensor for sensor in moved if not _is_response(sensor.main)]
+    history = "test.time" in draft.tables
+    if not (history or responses or base) and force is not None and len(free) == 1:
+        responses, free = free, []
+        draft.doubts["test.response.quantity"] = (
+            f"{clues.TODO}the only column left, {clues.called(responses[0].main)}; write what it is"
+        )
     responses.sort(key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
     if responses and not responses[0].has_phase:
         phase = next((phase for phase in loose if not is_of_another(phase, responses[0].main)), None)
@@ -370,7 +379,6 @@ def _write_signals(
             doubt = f"or that of {others}: its title names no channel" if others else ""
             responses[0] = responses[0].with_phase(phase, doubt)
             loose = [other for other in loose if other is not phase]
-    history = "test.time" in draft.tables
     if base:
         draft.tables["test.base"] = _motion(draft, base[0], "test.base") | {"response": "absolute"}
         draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
@@ -407,11 +415,15 @@ def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
     names = listed(list(map(clues.called, columns)))
+    draft.doubts["test.response.unit"] = f"{clues.TODO}write its unit"
     draft.doubts[f"test.response.{key}"] = clues.TODO + (
         f"write which is the response, its quantity and unit: {names}"
         if names
         else "no column is left for the response; where it is in another file, write `file` and its column"
     )
+    if key == "amplitude":
+        draft.tables["test.response"]["scale"] = "peak"
+        draft.doubts["test.response.scale"] = _SCALE
 
 
 _MAX_CHANNELS_PROPOSED = 8
@@ -454,6 +466,7 @@ def _write_responses(draft: _Draft, responses: Sequence[Sensor], left_out: list[
 # ----------------------------------------------------------------------------
 # The keys of a channel in a case: quantity, unit, scale, columns, the sense of its phase.
 
+_SCALE = f'{clues.TODO}or "rms"; the file does not say'
 _SENSE = (
     "no title says it: a positive phase is earlier (lead) or later (lag); rsgen check says which is wrong"
 )
@@ -532,7 +545,7 @@ def _columns(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
             table["scale"] = "rms"
         elif "amplitude" in table and not (_is_quotient(main) or main.scale or clues.PEAK.search(main.title)):
             table["scale"] = "peak"
-            draft.doubts[f"{place}.scale"] = 'or "rms"; the file does not say'
+            draft.doubts[f"{place}.scale"] = _SCALE
     if sensor.doubt:
         draft.doubts[f"{place}.{sensor.places[-1][0]}"] = sensor.doubt
     if sensor.has_phase:

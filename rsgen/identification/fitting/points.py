@@ -215,12 +215,15 @@ def _why_unused(surface: ResponseSurface) -> str:
 def per_unit_mass(surface: Test, model: Model) -> tuple[Test, Model]:
     """Convert a test of forces per mass: to newtons with a known mass, else to a mass of 1 kg.
 
-    Without a mass the parameters are per unit mass: a test of a driven base determines no more. Forces of
-    free decays were computed with a mass, which they are then given with.
+    Without a mass the parameters are per unit mass: a test of a driven base determines no more. A test that
+    was read with a mass, of its case or for the forces of free decays, has this one if the model has none.
     """
-    given = [f["mass"] for f in surface.findings if f.code == "force-of-decay" and "mass" in f.numbers]
+    read_with = [f for f in surface.findings if f.code in ("force-of-decay", "mass-of-case")]
+    given = [f["mass"] for f in read_with if "mass" in f.numbers]
     if given and "m" not in model.fixed:
         model = join_model(model, mass=given[0])
+    elif given:
+        surface = replace(surface, findings=tuple(f for f in surface.findings if f.code != "mass-of-case"))
     surface = surface.on_mass(model.fixed.get("m", nan))
     return surface, join_model(model, mass=1.0) if surface.per_mass else model
 

@@ -36,6 +36,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.oscillator import Model
+from rsgen.data.surface.mode_findings import fixed_contradicted
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
 from rsgen.formula.units import ForceUnits
@@ -72,7 +73,6 @@ from rsgen.identification.results.estimates import (
     Errors,
     Statement,
     damping_findings,
-    fixed_contradicted,
     largest_tested,
     outcome_of,
     phase_findings,

@@ -381,8 +381,8 @@ def _compare_peaks(
     rises = curve.rises_at_end
     if rises:
         omega, size = balance.peak(curve.level, (2 * np.pi * frequency.min(), 2 * np.pi * frequency.max()))
-        if rises := not np.isfinite(omega).all():
-            numbers = {**numbers, "sought": Quantity(float(size[0]), "m")}
+        if rises := not (len(omega) and np.isfinite(omega).all()):
+            numbers |= {"sought": Quantity(float(size[0]) if len(size) else height, "m")}
         else:
             seen, _ = _at_sensor(found, omega, size, balance.solve(size, omega).force)
             at, height = float(omega[0]) / (2 * np.pi), float(seen[0])

@@ -26,7 +26,6 @@ from rsgen.common.tolerances import (
     samples_for,
 )
 from rsgen.data.oscillator import Model
-from rsgen.data.surface.plausibility import COMMON_FACTORS
 from rsgen.dynamics.linear_part import BackgroundTerms
 from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
@@ -385,26 +384,3 @@ class _Reasons:
                 numbers = quantities(unit, combined=value, low=value - off, high=value + off)
                 return {"combination": write(form)}, numbers
         return {}, {}
-
-
-_POUND = 0.45359237
-"""[kg]."""
-
-
-def fixed_contradicted(
-    name: str, given: float, moved: float, *, misfit: float, left: float, times: float
-) -> Finding:
-    """Doubt a fixed value that the test moves by so much, so many standard errors, to leave less misfit.
-
-    A mass that is negative then is no other mass, but a channel with the other sign.
-    """
-    if name == "m" and given + moved < 0:
-        return Finding("mass-negative", "error", "m", {"mass": Quantity(given + moved, "kg")})
-    unit, ratio = "kg" if name == "m" else "", 1 + moved / given if given else 0.0
-    near = COMMON_FACTORS | ({"pound": 1 / _POUND} if name == "m" else {})
-    off = {word: abs(abs(np.log(ratio)) - np.log(by)) for word, by in near.items() if ratio > 0}
-    word = min(off, key=off.__getitem__, default="")
-    names = {"near": word} if word and off[word] < RELATIVE_ERROR_DOUBTFUL / 2 else {}
-    numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
-    numbers |= quantities(misfit=misfit, left=left, moved=moved / abs(given or moved), times=times)
-    return Finding("fixed-contradicted", "doubt", name, numbers, names)

@@ -1,0 +1,114 @@
+"""Findings by the mode of a test without its law: exchanged channels, and a given mass in another unit."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from math import nan, pi
+
+import numpy as np
+
+from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.tolerances import MISFIT_EXPLAINED, MISFIT_REJECTED, RELATIVE_ERROR_DOUBTFUL
+from rsgen.data.free_mode import Kinematics, estimate_mass, fit_mode, hats, steady
+from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points
+from rsgen.data.surface.response_surface import ResponseSurface
+
+_FACTORS_OF_MASS = {
+    "pound": 1 / 0.45359237, "pound-force": 4.4482216, "inch": 25.4, "hundred": 100.0, "million": 1e6
+}  # fmt: skip
+"""Further factors by which a mass is wrong if its unit, or that of force or response, is another one."""
+
+_SAID = ("another-quantity", "base-misread", "fixed-contradicted", "mass-negative")
+_MIN_POINTS = 12
+"""Fewer are fitted by nearly any curves."""
+
+MASS_IN_OTHER_UNIT = 4.3
+"""Factor between a given mass and that of a test from which units differ: with another mode near a band below
+the resonance, masses of one mode were off by up to 4.1 at a misfit that explains the points."""
+
+_MASS_MISREAD = 1.5
+"""Factor from which no balance and no added sensor explains the difference, but a unit or another factor."""
+
+
+def mode_findings(
+    surface: ResponseSurface, mass: float | None, known: Collection[Finding] = ()
+) -> list[Finding]:
+    """Find that channels are exchanged, or that a given mass [kg] is in another unit; none or one.
+
+    Nothing is found where it is known that the response, the base or the mass was misread.
+    """
+    rows = driven_points(surface)
+    other = surface.base or surface.per_mass or surface.decays or np.isfinite(surface.across).any()
+    said = any(f.code in _SAID and f.parameter in ("", "m") for f in (*surface.findings, *known))
+    if said or other or surface.control == "phase" or len(rows) < _MIN_POINTS:
+        return []
+    omega = surface.omega[rows]
+    force, motion = steady(surface.force[rows], surface.harmonics[rows, 1], omega)
+    return _exchanged(force, motion, omega) or ([] if mass is None else _of_mass(force, motion, mass))
+
+
+def _typical_misfit(force: ComplexArray, motion: Kinematics, mass: float = nan) -> tuple[float, bool]:
+    """Return the median misfit of free curves, relative to the force, and whether m, k and c are positive."""
+    found = fit_mode(force, motion, hats(np.abs(motion.displacement)), 1 / np.abs(force), mass=mass)
+    return float(np.median(np.abs(found.left))), all(found.passive)
+
+
+def _exchanged(force: ComplexArray, motion: Kinematics, omega: Array) -> list[Finding]:
+    """Find that each channel was read as the other one; a column of phases stays that of the response."""
+    misfit, _ = _typical_misfit(force, motion)
+    if misfit < MISFIT_REJECTED:
+        return []
+    then, phase = misfit, np.angle(motion.displacement / force)
+    for order in range(3):
+        pushed = np.abs(motion.displacement) * omega**order
+        for turn in (phase, -phase - order * pi):
+            moved = np.abs(force) / omega**order * np.exp(1j * turn)
+            left, passive = _typical_misfit(*steady(pushed.astype(complex), moved, omega))
+            then = min(then, left) if passive else then
+    if then > MISFIT_EXPLAINED:
+        return []
+    return [
+        Finding(
+            "another-quantity",
+            "doubt",
+            "",
+            quantities(misfit=misfit, then=then),
+            {"is": "exchanged", "sure": "yes"},
+        )
+    ]
+
+
+def _of_mass(force: ComplexArray, motion: Kinematics, given: float) -> list[Finding]:
+    free = estimate_mass(force, motion)
+    if free is None or not free.mass > 0 or abs(np.log(free.mass / given)) < np.log(MASS_IN_OTHER_UNIT):
+        return []
+    (left, _), (misfit, _) = (_typical_misfit(force, motion, mass) for mass in (free.mass, given))
+    if left > min(MISFIT_EXPLAINED, misfit / 2):
+        return []
+    moved = free.mass - given
+    times = abs(moved) / max(free.mass_error, np.finfo(float).tiny)
+    found = fixed_contradicted("m", given, moved, misfit=misfit, left=left, times=times)
+    return [replace(found, names={**found.names, "by": "any law"})]
+
+
+def fixed_contradicted(
+    name: str, given: float, moved: float, *, misfit: float, left: float, times: float
+) -> Finding:
+    """Doubt a fixed value that the test moves by so much, so many standard errors, to leave less misfit.
+
+    A mass that is negative then is no other mass, but a channel with the other sign.
+    """
+    if name == "m" and given + moved < 0:
+        return Finding("mass-negative", "error", "m", {"mass": Quantity(given + moved, "kg")})
+    unit, ratio = "kg" if name == "m" else "", 1 + moved / given if given else 0.0
+    near = COMMON_FACTORS | (_FACTORS_OF_MASS if name == "m" else {})
+    off = {word: abs(abs(np.log(ratio)) - np.log(by)) for word, by in near.items() if ratio > 0}
+    word = min(off, key=off.__getitem__, default="")
+    names = {"near": word} if word and off[word] < RELATIVE_ERROR_DOUBTFUL / 2 else {}
+    numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
+    numbers |= quantities(misfit=misfit, left=left, moved=moved / abs(given or moved), times=times)
+    if name == "m" and not 1 / _MASS_MISREAD < ratio < _MASS_MISREAD:
+        numbers |= quantities(factor=1 / ratio)
+    return Finding("fixed-contradicted", "doubt", name, numbers, names)
