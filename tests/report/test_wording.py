@@ -134,3 +134,9 @@ def test_small_shares_keep_their_digits_and_no_side_is_named_that_is_not_known()
     assert "29.1 N at 2.8 mm" in sentence(known)
     turned = Finding("element-course", "info", numbers=sizes, names={"sides": "not known"})
     assert "which side is which is not known" in sentence(turned)
+
+
+def test_shares_beyond_all_reason_are_one_power_of_ten():
+    """A rejected law had a misfit of 5519799407336029683712.0 %."""
+    assert f"{_Number(5.5197994e19):.1%}" == "5.5 × 10²¹ %"
+    assert f"{_Number(0.3192):.1%}" == "31.9 %"

@@ -46,6 +46,9 @@ NEXT_STEPS: dict[str, Say] = {}
 """Next step after a finding that casts doubt on a result, by its code, in the order in which to take them: a
 full sentence. Every code that may have the severity "doubt" or "error" has one."""
 
+_MAX_SHARE_WITH_DECIMALS = 100.0
+"""From a hundred times on two digits are enough: a misfit of 10^20 is one power of ten."""
+
 
 class _Number(float):
     """A number that formats as a book prints it: a power of ten in place of 1e-8, a space before per cent.
@@ -72,6 +75,8 @@ class _Number(float):
                 return quantity_text(value, self.unit, digits)
             case "t":
                 return f"{value:.{digits}g}"
+            case "%" if abs(value) >= _MAX_SHARE_WITH_DECIMALS:
+                return f"{number_text(100 * value, 2)} %"
         text = format(value, form)
         return f"{text[:-1]} %" if form.endswith("%") else text
 
