@@ -12,6 +12,7 @@ from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.prediction.resonance_curves import as_identification
+from rsgen.identification.prediction.shown_levels import predict_shown
 from rsgen.identification.results.remarks import held_out_lines
 from rsgen.law.element import make_element
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
@@ -358,3 +359,30 @@ def test_a_point_that_jumps_late_is_named_and_no_warning(kind):
     assert f"1 of 138 points {at} were excluded" in sentence(all_fitted)
     assert (f"lie at a jump {at}" in sentence(missing)) == (kind == "jump")
     assert held.held_out[0].error < 0.01
+
+
+@pytest.mark.parametrize("base", ["", "acceleration"])
+def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(base):
+    """Such a level could be predicted in Python only."""
+    asked = 0.6
+    oscillator = Oscillator(2.0, "k*x + k3*x**3 + c*v", {"k": 2e4, "k3": 5e9, "c": 8.0})
+    test = SimulatedTest([0.4, 0.8], np.linspace(13, 22, 40), method="harmonic-balance", base=base or None)
+    table = simulate(oscillator, test)
+    found = identify(table, Model(oscillator.elements, observation=Observation(predict=(asked,))))
+    shown = predict_shown(table, found)
+    (said,) = (finding for finding in shown.findings if finding.code == "level-predicted")
+    ((largest, at),) = [
+        (float(np.nanmax(curve.amplitude)), float(curve.frequency[np.nanargmax(curve.amplitude)]))
+        for curve in predict(found, [asked], table)
+    ]
+    assert (said["level"], said["amplitude"], said["at"]) == (
+        asked,
+        pytest.approx(largest),
+        pytest.approx(at),
+    )
+    assert said["low"] < largest < said["high"]
+    assert said.names.get("base", "") == base
+    # a simulation of this level alone
+    swept = SimulatedTest([asked], np.linspace(13, at, 80), sweep="up", base=base or None)
+    own = simulate(oscillator, swept)
+    assert largest == pytest.approx(own.amplitude.max(), rel=2e-2)

@@ -142,6 +142,13 @@ def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation
         levels.append(level)
     if levels and len(levels) == len(planned):
         maker.faults.append("identify.hold_out: holds every level back; at least one must remain")
+    base = getattr(test, "base", None)
+    moved = getattr(base, "quantity", base) in ("displacement", "velocity")
+    if observation.predict and (moved or getattr(test, "control", "force") != "force"):
+        held = "a base whose displacement or velocity is the level" if moved else "another control than force"
+        maker.faults.append(
+            f"identify.predict: forces or accelerations of a base are needed; of {held} use rsgen.predict"
+        )
     return observation if maker.faults else replace(observation, hold_out=tuple(levels))
 
 

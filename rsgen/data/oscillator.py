@@ -75,6 +75,12 @@ class Observation:
         "prediction is scored on them.",
         most=1000,
     )
+    predict: tuple[Annotated[float, Rule(unit="N", above=0)], ...] = declare(
+        (),
+        "Levels that were not tested: amplitudes of the force, or accelerations of a driven base, whose "
+        "response the report predicts.",
+        most=20,
+    )
     band: tuple[Edge, Edge] | None = declare(
         None, 'Lowest and highest frequency used, such as ["40 Hz", "45 Hz"]; all without it.'
     )
@@ -85,7 +91,8 @@ class Observation:
     )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "hold_out", _numbers(self.hold_out, "hold_out: levels"))
+        for name in ("hold_out", "predict"):
+            object.__setattr__(self, name, _numbers(getattr(self, name), f"{name}: levels"))
         if self.band is not None:
             object.__setattr__(self, "band", _numbers(self.band, "band: two frequencies in Hz", 2))
         if self.background is None:

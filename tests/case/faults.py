@@ -57,6 +57,7 @@ OF_SIMULATED: list[Changes] = [
     {"test.level.count": 100000, "test.frequency.count": 100000}, {"test.level.stop": GONE},
     {"test.level": {"values": [1.0, 1.0, 2.0]}}, {"test.level.start": 0},
     {"test.level": {"values": [1]}, "identify.hold_out": [1]}, {"identify.hold_out": [5.5]},
+    {"identify.predict": ["0 N"]}, {"test.control": "phase", "identify.predict": ["9 N"]},
     {"test.kind": GONE}, {"test.kind": "simulate"}, {"element.2.force": "__import__(1)"},
     {"element.2.force": "c1*v + k1*v"}, {"element.2.force": "m*v", "truth.c1": GONE},
     {"element.2.force": "c1*(v"},

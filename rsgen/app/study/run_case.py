@@ -109,7 +109,7 @@ class CaseRun:
     verdict
         The entry "verdict" of the result.json; None where the case failed.
     held_out
-        How well each held-out level is predicted, a line for each.
+        How well each held-out level is predicted, and what an untested one is predicted to do, a line each.
     values
         The lines of the table of parameters, as `rsgen identify` prints it.
     warnings, notes
@@ -187,13 +187,15 @@ def _finished(case: Case, folder: Path) -> CaseRun:
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
     fit = Entry(folder, result).fit()
     severities = [finding["severity"] for finding in result["findings"]]
+    said = zip(result["findings"], result["warnings"], strict=True)
+    asked = [str(text) for finding, text in said if finding["code"] == "level-predicted"]
     return CaseRun(
         case.path,
         case.name,
         folder,
         bool(result["passed"]),
         verdict=result["verdict"],
-        held_out=tuple(str(entry["said"]) for entry in result["held_out"]),
+        held_out=(*(str(entry["said"]) for entry in result["held_out"]), *asked),
         values=(
             *str(table_of((*fit.estimates, *fit.background))).split("\n"),
             *(f"  {line}" for line in mass_lines(fit.estimates)),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
-from rsgen.identification.prediction.prediction_result import Prediction
+from rsgen.identification.prediction.prediction_result import Prediction, ResonanceCurve
 from rsgen.identification.prediction.resonance_curves import predict
 from rsgen.identification.results import Identification
 
@@ -33,12 +36,31 @@ def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
 
 
 def predict_shown(table: ResponseSurface | MultisineSpectra, identification: Identification) -> Prediction:
-    """Predict what a report shows of a test: some tested levels, and those held out."""
+    """Predict what a report shows of a test: some tested levels, those held out, and those asked for."""
+    asked = [] if identification.model.sensors else [*identification.model.observation.predict]
     if isinstance(table, MultisineSpectra):
         # of what identification has not seen; other spectra would count what it has seen as held out
-        return predict(identification)
-    levels = [] if identification.model.sensors else _levels(table, identification)
-    return predict(identification, levels or None, table)
+        found = predict(identification, asked or None)
+    else:
+        levels = [] if identification.model.sensors else _levels(table, identification)
+        found = predict(identification, sorted({*levels, *asked}) or None, table)
+    largest = [_largest(found[level], table.base) for level in asked]
+    return replace(found, findings=(*found.findings, *largest))
+
+
+def _largest(curve: ResonanceCurve, base: str) -> Finding:
+    """State the largest amplitude of a curve, its interval, and the frequencies of jumps."""
+    numbers = {"level": Quantity(curve.level, curve.level_unit)}
+    if len(curve.frequency):
+        top = int(np.nanargmax(curve.amplitude))
+        low, size, high = (float(of[top]) for of in (curve.lower, curve.amplitude, curve.upper))
+        numbers |= quantities("m", amplitude=size) | quantities("Hz", at=float(curve.frequency[top]))
+        numbers |= quantities("m", low=low, high=high) if low < high else {}
+    jumps = ", ".join(f"{at:.5g}" for at in sorted(curve.folds[:, 0]))
+    said = {"base": base, "jumps": jumps}
+    return Finding(
+        "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
+    )
 
 
 def _levels(surface: ResponseSurface, identification: Identification) -> list[float]:
