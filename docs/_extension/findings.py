@@ -43,24 +43,30 @@ def entries() -> Iterator[Entry]:
             code,
             tuple(severity for severity in SEVERITIES if severity in found),
             tuple(_said(CODES[code])),
-            tuple(dict.fromkeys(_told(one) for place in made for one in place.thresholds)),
+            tuple(_thresholds(one for place in made for one in place.thresholds)),
             tuple(dict.fromkeys(place.where for place in made)),
-            " / ".join(filter(None, _said(NEXT_STEPS[code]))) if code in NEXT_STEPS else "",
+            " / ".join(filter(None, _said(NEXT_STEPS[code], words=False))) if code in NEXT_STEPS else "",
         )
 
 
-def _told(one: Threshold) -> str:
-    reason = f": {_escape(one.reason.rstrip('.'))}" if one.reason else ""
-    return f"`{one.name}` = {one.value:g}{reason}."
+def _thresholds(given: Iterable[Threshold]) -> Iterator[str]:
+    """Thresholds of all places, each once; those of the severity first, and marked."""
+    made = list(given)
+    grading = {one.name for one in made if one.grades}
+    named = {one.name: one for one in made}
+    for one in sorted(named.values(), key=lambda one: one.name not in grading):
+        reason = f": {_escape(one.reason.rstrip('.'))}" if one.reason else ""
+        yield f"`{one.name}` = {one.value:g}{', of the severity' * (one.name in grading)}{reason}."
 
 
-def _said(say: Callable[[Finding], str]) -> Iterable[str]:
-    """The sentence that a function says; of one with logic each that it returns."""
+def _said(say: Callable[[Finding], str], words: bool = True) -> Iterable[str]:
+    """The sentence that a function says, and words of its names; of one with logic each that it returns."""
     if isinstance(say, partial):
         texts = [say.args[0]] if isinstance(say.args[0], str) else say.args[0].values()
         # what is said under conditions only stands in brackets, alternatives with a stroke between
         parts = (_BEGIN.sub("(", _BETWEEN.sub(" / ", text)).replace("]]", ")") for text in texts)
-        return [_FIELD.sub(r"<\1>", text) for text in parts]
+        called = (f"<{name}>: {'; '.join(them.values())}" for name, them in say.args[1].items())
+        return [*(_FIELD.sub(r"<\1>", text) for text in parts), *(called if words else ())]
     tree = ast.parse(textwrap.dedent(inspect.getsource(say)))
     returned = [node.value for node in ast.walk(tree) if isinstance(node, ast.Return) and node.value]
     return dict.fromkeys(map(_text, returned))

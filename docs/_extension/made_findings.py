@@ -31,6 +31,8 @@ class Threshold:
     name: str
     value: Any
     reason: str
+    grades: bool
+    """Whether it decides the severity, and not only that the finding is made, or what it says."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,9 @@ class Source:
                 if codes and scopes:
                     where = ".".join([self.module, *(scope.name for scope in reversed(scopes))])
                     deciding = list(self.deciding(node, scopes[0]))
-                    place = Place(where, self.severities(node, deciding), tuple(self.thresholds(deciding)))
+                    place = Place(
+                        where, self.severities(node, deciding), tuple(self.thresholds(deciding, scopes[0]))
+                    )
                     yield from ((code, place) for code in codes)
 
     def ancestors(self, node: ast.AST) -> Iterator[ast.AST]:
@@ -160,14 +164,16 @@ class Source:
             )
         return tuple(severity for severity in SEVERITIES if severity in direct)
 
-    def thresholds(self, deciding: Iterable[ast.AST]) -> Iterator[Threshold]:
+    def thresholds(self, deciding: Iterable[ast.AST], scope: ast.AST) -> Iterator[Threshold]:
         """Numbers with a name that stand in what decides."""
+        deciding = list(deciding)
         names = {name for part in deciding for name in _compared(part)}
+        grading = {name for part in deciding for name in _grading(part, self.assigned(scope))}
         loaded = importlib.import_module(self.module)
         for name in sorted(names):
             value = getattr(loaded, name, None)
             if name.isupper() and isinstance(value, int | float) and not isinstance(value, bool):
-                yield Threshold(name, value, _reason(self.module, name))
+                yield Threshold(name, value, _reason(self.module, name), name in grading)
 
 
 _LIMITS = ("max", "min", "severity_of", "maximum", "minimum", "hypot")
@@ -190,6 +196,23 @@ def _compared(node: ast.AST) -> Iterator[str]:
         case _:
             for part in ast.iter_child_nodes(node):
                 yield from _compared(part)
+
+
+def _grading(tree: ast.AST, assigned: dict[str, list[ast.expr]]) -> Iterator[str]:
+    """Names that decide a severity: limits of ``severity_of``, and conditions between severities."""
+    for part in ast.walk(tree):
+        match part:
+            case ast.Call() if _called(part) == "severity_of":
+                limits: list[ast.AST] = part.args[1:]
+            case ast.IfExp(body=one, orelse=other) if {*texts_of(one), *texts_of(other)} & set(SEVERITIES):
+                limits = [part.test]
+            case _:
+                limits = []
+        names = {node.id for limit in limits for node in ast.walk(limit) if isinstance(node, ast.Name)}
+        yield from names
+        # limits that have a local name, as those of a case and of another
+        for value in (value for name in names for value in assigned.get(name, ())):
+            yield from (node.id for node in ast.walk(value) if isinstance(node, ast.Name))
 
 
 @cache

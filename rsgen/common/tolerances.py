@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import scipy
 
+from rsgen.common.arrays import Array
+
 ANY_LAW = "k*x + k3*x**3 + k5*x**5 + c*v + c3*v**3 + c5*v**5"
 """Any law at one harmonic, roughly: enough to find phase error and background before a law is tried."""
 
@@ -81,9 +83,25 @@ what a law does wrong."""
 ASSUMED_DAMPING_RATIO = 0.01
 """Damping ratio of a mode while it is not known: it weighs frequency against force."""
 
+RELATIVE_CHANGE_NEGLIGIBLE = 0.01
+"""A value that moves by less than a hundredth is the same engineering number."""
+
+MISFIT_DOUBTFUL = 0.05
+"""Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
+twentieth is more than most noise, joints and sensors leave of a law that is right. With a pattern the limit
+is ``MISFIT_DOUBTFUL_WITH_PATTERN``, without one ``MISFIT_DOUBTFUL_WITHOUT_PATTERN``; beyond
+``MISFIT_REJECTED`` each is an error."""
+
+MISFIT_DOUBTFUL_WITH_PATTERN = RELATIVE_CHANGE_NEGLIGIBLE
+"""A misfit with a pattern may move values by as much as its size. Of a joint between two sensors the limit
+is lower where its motion is small (``_limits_of_joints`` of ``misfit``)."""
+
+MISFIT_DOUBTFUL_WITHOUT_PATTERN = RELATIVE_ERROR_DOUBTFUL
+"""A misfit that is noise is in the intervals: it is doubtful as an error of a tenth is."""
+
 MISFIT_REJECTED = 0.2
 """A fifth of force and response is not what the law says; truncated waveforms and one harmonic of a law
-that is right leave a few per cent."""
+that is right leave a few per cent. Noise of the lines of a multisine is doubted from here on."""
 
 FINITE_DIFFERENCE_STEP = 1e-3
 """Relative change by which derivatives of simulated responses are taken; their error is as large."""
@@ -118,7 +136,9 @@ laws."""
 
 MAX_SHARE_OF_OUTLIERS = 0.2
 """At most this share of the points is excluded; if more disagree, it is the law that does not fit.
-``soundness`` rejects a result from three quarters of it on."""
+``soundness`` rejects a result from three quarters of it on. Two other shares are none of outliers of a fit:
+points that a reader leaves out for one reason (``_MAX_SHARE_FOR_ONE_REASON`` of ``tracking``), and readings
+of one point that are always kept (``_MIN_SHARE_KEPT`` of ``repeats``)."""
 
 MIN_SHARE_PREDICTED = 0.8
 """A law, or a motion, that predicts a smaller share of the points is not compared with others."""
@@ -126,16 +146,8 @@ MIN_SHARE_PREDICTED = 0.8
 POINTS_PER_KNOT = 8
 """Between two knots of a free curve: they determine its values there, and noise does not show as waves."""
 
-MISFIT_DOUBTFUL = 0.05
-"""Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
-twentieth is more than most noise, joints and sensors leave of a law that is right. With a pattern the limit
-is ``MISFIT_DOUBTFUL_WITH_PATTERN``, without one ``MISFIT_DOUBTFUL_WITHOUT_PATTERN``."""
-
 MISFIT_EXPLAINED = 0.05
 """Up to this misfit a reading, a start or a level explains its points, and no other explanation is tried."""
-
-MISFIT_DOUBTFUL_WITHOUT_PATTERN = RELATIVE_ERROR_DOUBTFUL
-"""A misfit that is noise is in the intervals: it is doubtful as an error of a tenth is."""
 
 SUBSAMPLE_POINTS = 400
 """Points that suffice to come near the estimate; all points then need one or two steps more."""
@@ -145,12 +157,6 @@ MAX_ALTERNATIONS = 3
 
 ROUND_OFF = 1e-12
 """An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
-
-RELATIVE_CHANGE_NEGLIGIBLE = 0.01
-"""A value that moves by less than a hundredth is the same engineering number."""
-
-MISFIT_DOUBTFUL_WITH_PATTERN = RELATIVE_CHANGE_NEGLIGIBLE
-"""A misfit with a pattern may move values by as much as its size."""
 
 MIN_GAIN_OF_STEP = RELATIVE_CHANGE_NEGLIGIBLE**2
 """A step that lowers the sum of squares by less, in units of the noise, moves no parameter by a hundredth of
@@ -249,3 +255,20 @@ def f_quantile(above: float, below: float, share: float) -> float:
 def chi_square_exceeded(freedom: int, chance: float) -> float:
     """Return what a sum of so many squares of standard normal numbers exceeds with probability ``chance``."""
     return float(scipy.special.chdtri(freedom, chance))
+
+
+def largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float) -> float:
+    """Return the distance that a point exceeds with probability ``chance``.
+
+    Distances follow a scaled chi-square distribution. Its degrees of freedom follow from median and upper
+    quartile; harmonics with less noise than the fundamental count little, so that there are few.
+    """
+    if not len(distance):
+        return chi_square_exceeded(freedom, chance)
+    middle, upper = np.quantile(distance, [0.5, 0.75])
+
+    def spread(count: int) -> float:
+        return chi_square_exceeded(count, 0.25) / chi_square_exceeded(count, 0.5)
+
+    free = next((count for count in range(freedom, fewest, -1) if spread(count) * middle >= upper), fewest)
+    return float(middle) * chi_square_exceeded(free, chance) / chi_square_exceeded(free, 0.5)

@@ -97,14 +97,19 @@ def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -
         direct = steps[:, :2].sum(axis=1) / w
         units = np.where(direct > 0, direct, steps[:, 2:].sum(axis=1) / w)
     units = np.where(np.isfinite(units) & (units > 0), units, 1.0)
-    loop = (1.0, 1.0) if memory.curves else ()
-    return np.array([1.0, 1.0, *units, *loop])
+    # x, v/omega, the states, and the largest and smallest displacement of a loop: lengths have the size of x
+    ends_of_loop = (1.0, 1.0) if memory.curves else ()
+    return np.array([1.0, 1.0, *units, *ends_of_loop])
 
 
 Indices = NDArray[np.intp]
 
 _OUTER_REVERSALS = 2.0
 """Reversals of a motion in a period, at the top and at the bottom of its loop."""
+
+_SCALE_AFTER_REVERSAL = 0.75
+"""The row ``IW`` is the factor of the distance from the last reversal in the argument of a virgin curve: 1 on
+the virgin curve itself, 1/2 after a reversal (Masing). This is between both."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +133,7 @@ class LoopMemory:
         forces = offset.copy() if len(offset) else np.zeros((layout.curves, count))
         memory = cls(layout, np.zeros((layout.count - layout.smooth, count)), forces)
         if len(offset):
-            memory.rows[0] = WITHIN
+            memory.rows[layout.row("KIND") - layout.smooth] = WITHIN
             memory.rows[memory._offset] = offset
         return memory
 
@@ -158,7 +163,7 @@ class LoopMemory:
             return np.concatenate([y, self.rows[:, points]])
         alone = np.zeros((self.layout.stack, len(points)))
         alone[: len(y)] = y
-        alone[self.layout.smooth] = ALONE
+        alone[self.layout.row("KIND")] = ALONE
         alone[self.layout.smooth :][self._offset] = self.offsets[:, points]
         return alone
 
@@ -188,8 +193,9 @@ class LoopMemory:
         """
         curves = self.layout.curves
         base = self.rows[self._offset, points]
-        kind, depth = self.rows[0, points], self._row("DEPTH", points).astype(np.intp)
-        within = np.flatnonzero((kind == EVERYTHING) & (self._row("IW", points) < 0.75) & (depth > 0))
+        kind, depth = self._row("KIND", points), self._row("DEPTH", points).astype(np.intp)
+        reversed_ = self._row("IW", points) < _SCALE_AFTER_REVERSAL
+        within = np.flatnonzero((kind == EVERYTHING) & reversed_ & (depth > 0))
         if not len(within):
             return base
         depth, here = depth[within], points[within]
@@ -393,7 +399,11 @@ _MAX_NEWTON_STEPS = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FixedPoints:
-    """The result of Newton's method for k points: ``y`` (D, k), ``jacobian`` (D, D, k), ``found`` (k,)."""
+    """The result of Newton's method for k points: ``y`` (D, k), ``jacobian`` (D, D, k), ``found`` (k,).
+
+    The Jacobian is that of the last correction: it was taken at the place before it, or, where one serves two
+    steps (``spared``, and always with states of a law), up to two places before ``y``.
+    """
 
     y: Array
     jacobian: Array
@@ -433,7 +443,11 @@ def _correction(jacobian: Array, residual: Array) -> Array:
 
 
 def attraction(jacobian: Array) -> Array:
-    """How far inside the unit circle the eigenvalues of J are; negative: outside."""
+    """How far inside the unit circle the eigenvalues of J are; negative: outside.
+
+    Of two states it is the least of Jury's conditions, of more 1 - |largest eigenvalue|^2: other measures of
+    distance, so that only the sign, and the order within one law, have a meaning.
+    """
     if len(jacobian) == 2:
         trace = jacobian[0, 0] + jacobian[1, 1]
         det = jacobian[0, 0] * jacobian[1, 1] - jacobian[0, 1] * jacobian[1, 0]

@@ -48,7 +48,8 @@ from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, Part
 
 _MAX_EXCLUDED_SHARE = 0.75 * MAX_SHARE_OF_OUTLIERS
-"""Share of excluded points beyond which the others are a selection that suits the law."""
+"""Share of excluded points beyond which the others are a selection that suits the law: three quarters of
+``MAX_SHARE_OF_OUTLIERS``, the most that a fit excludes."""
 
 _MAX_SINGLE_EXCLUDED = 3
 """Excluded points that may be single drop-outs of a small test."""

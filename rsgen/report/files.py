@@ -26,7 +26,7 @@ from rsgen.report import figures
 from rsgen.report.figures.drawing import POINTS, project_style
 from rsgen.report.figures.equivalent import shows_loops
 from rsgen.report.notebook import known_results, write_notebook
-from rsgen.report.page import render_page
+from rsgen.report.page import page_context, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import Subject, collect_provenance
 from rsgen.report.result_json import build_result, result_text
@@ -159,10 +159,10 @@ def write_report(
         write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(str(figures)))
     spent["report"] = time.perf_counter() - started
     provenance = collect_provenance(case, surface, spent, command)
-    page = render_page(
+    context = page_context(
         subject, surface, identification, comparison, prediction, printed, drawings, provenance, modal
     )
-    write_atomic(place / "report.html", page)
+    write_atomic(place / "report.html", render_page(context))
     if case is not None:
         results = known_results(case, surface, identification, comparison, prediction, drawings, modal)
         shown = {drawing.name for drawing in drawings}

@@ -136,7 +136,18 @@ def _drawing(drawing: Drawing) -> dict[str, Any]:
     return {"svg": inline_svg(drawing), "caption": drawing.caption, "alternative": drawing.alternative}
 
 
-def render_page(
+def render_page(context: Mapping[str, Any]) -> str:
+    """Render the page from a ``page_context``.
+
+    Raises
+    ------
+    RsgenError
+        The templates are not found.
+    """
+    return page_environment().get_template("report/report.html").render(context)
+
+
+def page_context(
     subject: Subject,
     surface: ResponseSurface | MultisineSpectra,
     identification: Identification,
@@ -146,8 +157,10 @@ def render_page(
     drawings: Iterable[Drawing],
     provenance: Mapping[str, str],
     modal: Modal = NO_MODAL,
-) -> str:
-    """Render the page; everything but the provenance follows from the input alone.
+) -> dict[str, Any]:
+    """Return what a report says, by the names of its template; formulas are MathML and figures SVG.
+
+    Everything but the provenance follows from the identification and its test alone.
 
     Parameters
     ----------
@@ -159,15 +172,10 @@ def render_page(
         Name and value pairs: hashes, versions, seed, command, durations.
     modal
         The modal table, or why there is none.
-
-    Raises
-    ------
-    RsgenError
-        The templates are not found.
     """
     said = _verdict_context(subject, identification, comparison, prediction)
     usable, mean = said["state"] in USABLE, derive(identification.model.force).mean
-    context = {
+    return {
         "title": subject.title,
         "name": subject.name,
         "source": subject.source,
@@ -198,7 +206,6 @@ def render_page(
         "ranking_verdict": [full_sentence(f) for f in getattr(identification.ranking, "findings", ())],
         **_test_context(surface, identification),
     }
-    return page_environment().get_template("report/report.html").render(context)
 
 
 def _verdict_context(

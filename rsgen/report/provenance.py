@@ -1,4 +1,10 @@
-"""Subject and provenance of a report: case, law and truth; versions, machine and hashes."""
+"""Subject and provenance of a report: case, law and truth; versions, machine and hashes; and escaping.
+
+Nothing from a file is markup. ``page_environment`` is the template environment of all pages: it escapes every
+value, and a missing one is an error. ``_finalize`` makes invisible characters visible (``plain_text``),
+``verbatim`` does so for a text with its lines, such as a case file, and ``coded`` shows as code what stands
+between backticks. Other ``Markup`` is made in ``report/page`` alone, of formulas and figures of rsgen.
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from docs._extension.findings import findings_list
 from docs._extension.made_findings import places_of_findings
 from docs.pages import MAKERS, pages, renewed
 from rsgen.report.wording.sentences import CODES, NEXT_STEPS
@@ -58,6 +59,15 @@ def test_a_threshold_stands_with_its_reason(code, where, threshold):
     places = (place for place in places_of_findings()[code] if place.where == f"rsgen.identification.{where}")
     reasons = {(one.name, one.value): one.reason for place in places for one in place.thresholds}
     assert reasons[threshold]
+
+
+def test_thresholds_of_a_severity_come_first_and_words_of_names_stand_below():
+    texts = {part.partition("`")[0]: part for part in findings_list().split("## `")[1:]}
+    thresholds = re.findall(r"\* `(\w+)` = [^,:]+(, of the severity)?", texts["law-does-not-fit"])
+    marked = {name for name, mark in thresholds if mark}
+    assert marked == {"MISFIT_DOUBTFUL", "MISFIT_DOUBTFUL_WITH_PATTERN", "MISFIT_REJECTED"}
+    assert {name for name, _ in thresholds[:3]} == marked
+    assert "\\<by>: no candidate explains them; " in texts["points-excluded"]
 
 
 ROWS = {**EXCITATIONS, **MODIFIERS}

@@ -200,7 +200,9 @@ def test_linear_parameters_are_best_beside_nonlinear_ones_within_bounds(most):
         slopes = np.stack([shape, -p[0] * t * shape], axis=2)
         return Linearisation(seen - p[0] * shape, np.zeros((50, 1, 0)), slopes)
 
-    rules = Rules(linear=[0], move=lambda p, change: np.array([p[0], np.clip(p[1] + change[1], 0.1, most)]))
+    rules = Rules(
+        linear=[0], bounded_step=lambda p, change: np.array([p[0], np.clip(p[1] + change[1], 0.1, most)])
+    )
     parameters, *_ = descend(linearise, np.array([1.0, 1.0]), np.zeros((50, 0)), rules)
     rate = min(4.0, most)
     shape = np.exp(-rate * t)

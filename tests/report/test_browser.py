@@ -11,7 +11,7 @@ from rsgen.formula.reading import parse
 from rsgen.identification.results import Identification
 from rsgen.report import draw_all, write_index
 from rsgen.report.files import check_printed
-from rsgen.report.page import render_page
+from rsgen.report.page import page_context, render_page
 from rsgen.report.provenance import Subject, plain_text
 from rsgen.report.result_json import build_result, result_text
 from tests.report.browser import A4, AXE, DESK, PHONE, Page, in_browser
@@ -41,7 +41,7 @@ def pages(tmp_path_factory):
             {title or "empty": title for title in titles} if name == "hostile" else {"Versions": "rsgen"}
         )
         parts = (subject, surface, found, comparison, prediction, printed, drawings)
-        text = render_page(*parts, provenance)
+        text = render_page(page_context(*parts, provenance))
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
         place = folder / "results" / name
         place.mkdir(parents=True)

@@ -32,6 +32,7 @@ from rsgen.report.files import check_printed
 from rsgen.report.page import (
     describe_elements,
     element_finding,
+    page_context,
     render_page,
     resonance_course,
     table_of_results,
@@ -84,7 +85,7 @@ def drawings():
 def page(drawings: Sequence[Any], found: Identification = IDENTIFICATION, **changes: Any) -> str:
     subject = cubic_subject(**changes)
     parts = (subject, SURFACE, found, COMPARISON, PREDICTION, check_printed(subject, found), drawings)
-    return render_page(*parts, {"Versions": "rsgen"})
+    return render_page(page_context(*parts, {"Versions": "rsgen"}))
 
 
 def described(element: Element, identification: Identification) -> str:
@@ -162,7 +163,7 @@ def test_a_page_says_where_higher_harmonics_part_the_points_from_the_formulas(sh
     found = replace(IDENTIFICATION, first_order_bias=bias)
     assert IDENTIFICATION.first_order[0].name == found.refined[0].name
     parts = (cubic_subject(), SURFACE, found, COMPARISON, PREDICTION, [], empty_drawings())
-    assert ("Higher harmonics matter in this test" in render_page(*parts, {})) is said
+    assert ("Higher harmonics matter in this test" in render_page(page_context(*parts, {}))) is said
 
 
 @pytest.mark.slow
@@ -314,7 +315,9 @@ def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_
     (entry,) = result["elements"]
     assert make_element("joint", entry["force"], entry["memory"]).force == joint.force
     assert result["dissipation"]["identified"]["energy"][1] > 0
-    text = render_page(subject, SURFACE, found, comparison, PREDICTION, (), empty_drawings(), {})
+    text = render_page(
+        page_context(subject, SURFACE, found, comparison, PREDICTION, (), empty_drawings(), {})
+    )
     assert "<dt>Memory <i>z</i>′</dt>" in text
     assert "joint &lt;b&gt;" in text
     assert "stiffness 1.01 MN/m" in described(joint, found)

@@ -11,7 +11,7 @@ import pytest
 import rsgen
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.identification.results import Identification
-from rsgen.report.page import render_page, table_of_results, write_index
+from rsgen.report.page import page_context, render_page, table_of_results, write_index
 from rsgen.report.provenance import Subject, coded
 from rsgen.report.result_json import read_results
 from rsgen.report.wording import sentences
@@ -43,7 +43,7 @@ def page_of(tolerance: float | None, *findings: Finding) -> str:
     found = found_with(*findings)
     subject = Subject.of_case(cubic_case(), found)
     parts = (subject, SURFACE, found, cubic_comparison(found, tolerance), PREDICTION, (), empty_drawings())
-    return render_page(*parts, {"Versions": "rsgen"})
+    return render_page(page_context(*parts, {"Versions": "rsgen"}))
 
 
 @pytest.mark.parametrize(("tolerance", "findings", "held_out", "state", "decided"), [

@@ -252,7 +252,12 @@ def flank_mass(force: ComplexArray, motion: Kinematics) -> FreeMode | None:
 def steady_force(
     force: ComplexArray, motion: Kinematics, mass: float, omega: Array
 ) -> tuple[ComplexArray, Array]:
-    """Return the force (n,) [N] of the steady motion at ``omega`` [rad/s], and c(X) [N s/m]."""
+    """Return the force (n,) [N] of the steady motion at ``omega`` [rad/s], and c(X) [N s/m].
+
+    With X, V, A the complex envelopes of displacement, velocity and acceleration, the force that was measured
+    is F = k(X) X + c(X) V + m A. Divided by X its imaginary part gives c(X), and then its real part k(X); the
+    steady motion of this amplitude needs (k(X) + i omega c(X) - m omega^2) X.
+    """
     x = motion.displacement
     # NaN where nothing moves, as in a drop-out
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):

@@ -450,8 +450,9 @@ def most_by_pace(
     return most
 
 
-_MAX_SHARE_EXCLUDED = 0.2
-"""Share of the points of all sweeps that may be excluded for one reason without a doubt."""
+_MAX_SHARE_FOR_ONE_REASON = 0.2
+"""Share of the points of all sweeps that may be excluded for one reason without a doubt. It is
+no share of outliers of a fit (``MAX_SHARE_OF_OUTLIERS``)."""
 
 
 def excluded_points(parts: list[SweptPoints], marked: NDArray[np.bool_], reason: str) -> list[Finding]:
@@ -461,5 +462,5 @@ def excluded_points(parts: list[SweptPoints], marked: NDArray[np.bool_], reason:
     frequency = np.concatenate([part.drive for part in parts])[marked]
     numbers = quantities(excluded=float(np.count_nonzero(marked)), points=len(marked))
     numbers |= quantities("Hz", low=frequency.min(), high=frequency.max())
-    severity: Severity = "doubt" if np.mean(marked) > _MAX_SHARE_EXCLUDED else "info"
+    severity: Severity = "doubt" if np.mean(marked) > _MAX_SHARE_FOR_ONE_REASON else "info"
     return [Finding("points-excluded", severity, "", numbers, {"by": reason})]

@@ -75,7 +75,7 @@ BASE = _named(
 RATE = _named(r"^f_?s$|rate|sampling|fsamp|sample_?freq")
 INCREMENT = _named(r"^(dt|delta_?[xt]|increment|ts|x_?increment|sample_?(time|interval))$")
 """The time from one sample to the next."""
-_DEGREES = ("deg", "°", "rad", "degree", "degrees")
+_ANGLE_UNITS = ("deg", "°", "rad", "degree", "degrees")
 _PHASE_NAMED = _named(r"phas|phs|phi|φ|(^|[_ ])(lag|ang)(?![a-z])|(?<![a-z])arg|angle|winkel|deg")
 _SPREAD = _named(
     r"std|sigma|var|error|coheren|kohären|temperature|number|(?<![a-z])(coh|temp|humidity|averages|date|rpm_set)(?![a-z])"
@@ -113,7 +113,7 @@ def is_angular_frequency(entry: Entry) -> bool:
 def is_phase(entry: Entry) -> bool:
     """Return True for a phase; a frequency response with a word for angles in its name is none."""
     quotient = QUOTIENT(entry) and entry.unit.endswith("/N")
-    return not quotient and (_PHASE_NAMED(entry) or entry.unit in _DEGREES)
+    return not quotient and (_PHASE_NAMED(entry) or entry.unit in _ANGLE_UNITS)
 
 
 def phase_sense(phase: Entry) -> str:

@@ -31,7 +31,7 @@ from rsgen.common.tolerances import (
     MISFIT_OF_NOISE,
     POINTS_PER_BLOCK,
     ROUND_OFF,
-    chi_square_exceeded,
+    largest_by_chance,
 )
 
 Mask = NDArray[np.bool_]
@@ -51,6 +51,9 @@ _MIN_OUTLIER_MISFIT = 3e-3
 
 _MAX_NEIGHBOUR_RATIO = 3.0
 """Pairs of neighbouring outliers, relative to their number by chance, beyond which the law is wrong."""
+
+_SPARE_PAIRS = 2
+"""Pairs beyond that: of few outliers less than one pair is expected, and two are no pattern yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,8 +184,9 @@ class Rules:
         Parameters in which the residual is linear: solved for at every trial of the others.
     prior
         (q,) inverse standard errors with which the parameters are known to be zero.
-    move
-        Function of parameters and a step that returns the next parameters, within bounds.
+    bounded_step
+        Function of parameters and a step that returns the next parameters: the only place of bounds. Rankings
+        alone set it (``candidate_fit``); elsewhere parameters have none.
     record
         (n,) number of the record of each point where noise is correlated along it; see ``summed_products``.
     """
@@ -196,7 +200,7 @@ class Rules:
     free: Mask | bool = True
     linear: Sequence[int] = ()
     prior: Array | None = None
-    move: Callable[[Array, Array], Array] = np.add
+    bounded_step: Callable[[Array, Array], Array] = np.add
     record: NDArray[np.intp] | None = None
 
     def solve(self, flat: Array, right: Array, parameters: Array) -> tuple[Array, Array, Array]:
@@ -410,7 +414,7 @@ class _Step:
 
     def end(self, place: Place, rules: Rules, part: float = 1.0) -> tuple[Array, Array]:
         """Return parameters and nuisances after a part of the step."""
-        return rules.move(place[0], part * self.change), place[1] + part * self.nuisance
+        return rules.bounded_step(place[0], part * self.change), place[1] + part * self.nuisance
 
 
 def _halved(linearise: Linearise, place: Place, step: _Step, rules: Rules, good: Mask) -> tuple[Place, float]:
@@ -479,32 +483,17 @@ def _agreeing(place: Place, rules: Rules, used: Mask, neighbours: NDArray[np.int
     most = int(MAX_SHARE_OF_OUTLIERS * np.count_nonzero(predicted))
     for _ in range(2):
         distance = np.sum(residual**2, axis=1)
-        by_chance = _largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance))
-        largest = np.sort(distance[predicted])[-most - 1 :][:1]
-        outliers: Mask = predicted & (distance > max(by_chance, _MIN_OUTLIER_MISFIT**2, *largest))
-        few = _MAX_NEIGHBOUR_RATIO * np.mean(outliers) ** 2
-        if neighbours is None or np.sum(outliers[neighbours].all(axis=1)) <= few * len(neighbours) + 2:
+        by_chance = largest_by_chance(distance[used], fewest, freedom, 1e-3 / len(distance))
+        # only the ``most`` farthest may be left out: those beyond the next one, the (most + 1)-th largest
+        cap = np.sort(distance[predicted])[-most - 1 :][:1]
+        outliers: Mask = predicted & (distance > max(by_chance, _MIN_OUTLIER_MISFIT**2, *cap))
+        pairs_by_chance = 0 if neighbours is None else np.mean(outliers) ** 2 * len(neighbours)
+        most_pairs = _MAX_NEIGHBOUR_RATIO * pairs_by_chance + _SPARE_PAIRS
+        if neighbours is None or np.sum(outliers[neighbours].all(axis=1)) <= most_pairs:
             return predicted & ~outliers
         used = used & ~outliers
         residual -= matrix @ _Step.of(place, rules, used).change
     return predicted
-
-
-def _largest_by_chance(distance: Array, fewest: int, freedom: int, chance: float) -> float:
-    """Return the distance that a point exceeds with probability ``chance``.
-
-    Distances follow a scaled chi-square distribution. Its degrees of freedom follow from median and upper
-    quartile; harmonics with less noise than the fundamental count little, so that there are few.
-    """
-    if not len(distance):
-        return chi_square_exceeded(freedom, chance)
-    middle, upper = np.quantile(distance, [0.5, 0.75])
-
-    def spread(count: int) -> float:
-        return chi_square_exceeded(count, 0.25) / chi_square_exceeded(count, 0.5)
-
-    free = next((count for count in range(freedom, fewest, -1) if spread(count) * middle >= upper), fewest)
-    return float(middle) * chi_square_exceeded(free, chance) / chi_square_exceeded(free, 0.5)
 
 
 def summarise(
@@ -516,7 +505,12 @@ def summarise(
     *,
     converged: bool = True,
 ) -> Regression:
-    """Return covariance, null space and influence at the end of a descent."""
+    """Return covariance, null space and influence at the end of a descent.
+
+    The noise ``sigma`` of a single row is the root of the sum of squares over the degrees of freedom: rows
+    less nuisances less free parameters that the rows determine. The covariance is that of equal noise of this
+    size, widened where the sandwich estimate is larger; with ``rules.record`` it is the sandwich estimate.
+    """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     residual, matrix = eliminate(line)
     free = np.array(np.broadcast_to(rules.free, len(parameters)))

@@ -258,7 +258,8 @@ def _range_of(values: Array, group: NDArray[np.intp], count: int) -> tuple[Array
 
 
 _MIN_SHARE_KEPT = 0.8
-"""Share of the readings of a point, those nearest to the median, that are never outliers."""
+"""Share of the readings of a point, those nearest to the median, that are never outliers; a fit excludes
+points by ``MAX_SHARE_OF_OUTLIERS``."""
 
 
 def _outliers(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.bool_]:

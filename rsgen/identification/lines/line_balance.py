@@ -18,11 +18,12 @@ motion enters N nonlinearly, so three quantities are estimated from the P single
   Fuller, Measurement Error Models, Wiley 1987).
 
 Lines at which noise hides the response, and lines above the record, are computed from the law by fixed-point
-iteration, from X_h to X_h + (F_h - m s^2 X_h - N_h)/(m s^2 + c s + k) with s = i h omega0 and the mean slopes
-k, c of the law. Noise then reaches neither the velocity nor, where
-displacements are accelerations over omega^2, the lowest lines, and a law with corners and jumps gets a motion
-with all its lines. The balance that remains at a computed line is the inertia of the difference between the
-record and the motion of the law.
+iteration, and so is the mean of a motion whose sensor has none (``_balance_mean``). High lines that are near
+the resonance keep the noisy record: there the iteration diverges. It goes from X_h to
+X_h + (F_h - m s^2 X_h - N_h)/(m s^2 + c s + k) with s = i h omega0 and the mean slopes k, c of the law. Noise
+then reaches neither the velocity nor, where displacements are accelerations over omega^2, the lowest lines,
+and a law with corners and jumps gets a motion with all its lines. The balance that remains at a computed line
+is the inertia of the difference between the record and the motion of the law.
 """
 
 from __future__ import annotations
@@ -117,9 +118,9 @@ class SpectralLines:
         driven = np.where(self.spectra.lines > 0, force, 0)
         place = np.arange(record * len(driven), (record + 1) * len(driven))
         motion = -self.background.select(place).slopes_by_force(self.subtracted).T * driven
-        turned = np.zeros_like(motion)
-        turned[:1] = 1j * driven
-        return turned, motion
+        force_change = np.zeros_like(motion)
+        force_change[:1] = 1j * driven
+        return force_change, motion
 
     def law_of(self, law: ForceLaw, record: int, period: int | None = None) -> ForceLaw:
         """Return a law along the response with the far motion of a period; None: of their mean."""
@@ -423,23 +424,25 @@ class LawAlongRecord:
         x, v, a, step, mean = self._waves(motion)
         sample = law.sample(x, v, a, step, values)
         by_x, by_v = (np.broadcast_to(part, x.shape)[0] for part in (sample.by_x, sample.by_v))
-        turned, moved = lines.change_of_mode(self._record, force)
-        direct = np.zeros((len(values) + 1 + len(moved), count), dtype=complex)
+        force_change, motion_change = lines.change_of_mode(self._record, force)
+        # rows: values of the law, mass, background. ``columns`` (samples) is what each does through the law,
+        # ``direct`` (lines) what it does to the balance without it: slopes = spectrum(columns) - direct
+        direct = np.zeros((len(values) + 1 + len(motion_change), count), dtype=complex)
         direct[len(values)] = -(self._rate[:count] ** 2) * response
-        direct[len(values) + 1 :] = turned - self._mass * self._rate[:count] ** 2 * moved
+        direct[len(values) + 1 :] = force_change - self._mass * self._rate[:count] ** 2 * motion_change
         columns = np.zeros((len(direct), lines.samples))
         for column, part in zip(columns, sample.by_parameter, strict=False):
             column[:] = np.broadcast_to(part, x.shape)[0]
-        if len(moved):
-            measured = np.zeros((len(moved), len(motion)), dtype=complex)
-            measured[:, :count][:, self._measured] = moved[:, self._measured]
+        if len(motion_change):
+            measured = np.zeros((len(motion_change), len(motion)), dtype=complex)
+            measured[:, :count][:, self._measured] = motion_change[:, self._measured]
             columns[len(values) + 1 :] = self._by_motion(measured, by_x, by_v, sample.by_memory)
         columns = self._with_mean(columns, by_x)
         dynamic = self._dynamic_stiffness(sample)
         if self._low.any():
             change = self._spectrum(columns)
             change[len(values)] += self._rate**2 * motion
-            change[len(values) + 1 :, :count] -= turned
+            change[len(values) + 1 :, :count] -= force_change
             columns = columns + self._motion_slopes(change, by_x, by_v, dynamic)
         spectra = self._spectrum(np.concatenate([np.broadcast_to(sample.force, x.shape), columns]))
         balance = force - self._mass * self._rate[:count] ** 2 * response - spectra[0, :count]

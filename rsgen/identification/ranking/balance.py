@@ -348,6 +348,12 @@ class WhitenedBalance(ABC):
             return self.project(forces)
 
 
+_QUADRATURE = 2
+_EVEN = slice(0, None, 4)
+"""Among the rows mean, Re 1, Im 1, Re 2, Im 2, ...: the imaginary part of the fundamental, which only phases
+give; and every fourth, the mean or the imaginary part of an even harmonic."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PointBalance(WhitenedBalance):
     """The balance of points of a sine test, a motion a point and 2H+1 rows.
@@ -371,12 +377,12 @@ class PointBalance(WhitenedBalance):
     @property
     def amplitudes_alone(self) -> bool:
         """True if neither phases nor harmonics were recorded."""
-        return not self.compared[2]
+        return not self.compared[_QUADRATURE]
 
     @property
     def odd_alone(self) -> bool:
         """True if neither the mean nor an even harmonic was recorded."""
-        return not self.compared[::4].any()
+        return not self.compared[_EVEN].any()
 
     def project(self, forces: Array) -> Array:
         """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory; others are 0."""
@@ -428,12 +434,16 @@ def whiten_balance(
         here = motion.select(part)
         along = [(x[part], v[part], a[part]) for x, v, a, _ in trajectories[: len(law.parts)]]
         samples = law.sample_parts(along, trajectories[0][3][part], values)
-        forces, acceleration, jacobian, joints = _linearised(here, samples, series, mass, balanced=balanced)
-        root = _whitening(here, _covariance(here, jacobian, joints, noise))
+        unweighted, acceleration, jacobian, tangents_across = _linearised(
+            here, samples, series, mass, balanced=balanced
+        )
+        root = _whitening(here, _covariance(here, jacobian, tangents_across, noise))
         background[part] = root @ -_change(jacobian, here.fundamental_by_background, here.force_by_background)
-        right[part] = (root @ forces[:, :, None])[:, :, 0]
+        right[part] = (root @ unweighted[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
         project[part] = root[:, motion.known] @ series.project.T
+    # rows of a motion that no law fits yet are in parts of force and response, not in units of their noise:
+    # what is known of the background is put into the same parts, by the noise that is assumed
     weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
     return PointBalance(
         trajectories,
@@ -462,30 +472,30 @@ def _linearised(
 
     Returns
     -------
-    forces, acceleration, jacobian, joints
-        (n, 2H+1) right side, and of a unit mass; J (n, 2H+1, 2H+1), the dynamic stiffness of the law, and the
-        tangents of what follows the second sensor.
+    right, acceleration, jacobian, tangents_across
+        (n, 2H+1) right side f, and that of a unit mass; J (n, 2H+1, 2H+1), the dynamic stiffness of the law,
+        and the tangents of what follows the second sensor.
     """
     square = -((series.order_of * here.omega[:, None]) ** 2)
-    jacobian, *joints = (sample.tangent(series, here.omega) for sample in samples)
-    followed = [] if here.across is None else list(zip([here.across], joints, strict=False))
-    for across, joint in followed:
-        jacobian += across.share[:, None, None] * joint
+    jacobian, *tangents_across = (sample.tangent(series, here.omega) for sample in samples)
+    followed = [] if here.across is None else list(zip([here.across], tangents_across, strict=False))
+    for across, tangent in followed:
+        jacobian += across.share[:, None, None] * tangent
     diagonal = np.arange(jacobian.shape[1])
     jacobian[:, diagonal, diagonal] += mass * square
     acceleration = square * series.real(here.harmonics[:, : here.order + 1])
     if balanced:
         own = np.sum([sample.force for sample in samples], axis=0)
-        forces = own @ series.project + mass * acceleration
+        right = own @ series.project + mass * acceleration
     else:
-        forces = np.zeros(acceleration.shape)
-        forces[:, 1], forces[:, 2] = here.force.real, here.force.imag
-    forces -= (jacobian @ series.real(here.harmonics_deviation)[:, :, None])[:, :, 0]
-    for across, joint in followed:
-        forces -= (joint @ series.real(across.deviation)[:, :, None])[:, :, 0]
-    forces[:, 1] += here.force_deviation.real
-    forces[:, 2] += here.force_deviation.imag
-    return forces, acceleration, jacobian, joints
+        right = np.zeros(acceleration.shape)
+        right[:, 1], right[:, 2] = here.force.real, here.force.imag
+    right -= (jacobian @ series.real(here.harmonics_deviation)[:, :, None])[:, :, 0]
+    for across, tangent in followed:
+        right -= (tangent @ series.real(across.deviation)[:, :, None])[:, :, 0]
+    right[:, 1] += here.force_deviation.real
+    right[:, 2] += here.force_deviation.imag
+    return right, acceleration, jacobian, tangents_across
 
 
 def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> Array:

@@ -34,7 +34,8 @@ _MIN_STATIC_STIFFNESS = 0.05
 """Mean stiffness of a law, relative to the inertia that it balances. Rubber isolators keep a tenth."""
 
 STRONG_EVIDENCE = 6.0
-"""Difference of BIC (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
+"""Difference of BIC to the lowest, below which laws tie: at six and more the evidence against the higher one
+is strong (Kass and Raftery, Bayes factors, JASA 90 (1995))."""
 
 POINT_STRIDE = 7
 """Every so-many-th point suffices for means and largest values of a force."""
@@ -232,7 +233,7 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
         linear=[i for i in np.flatnonzero(balance.free).tolist() if i not in balance.nonlinear],
         free=balance.free,
         prior=balance.prior,
-        move=partial(_limited_step, limits=limits, nonlinear=balance.nonlinear),
+        bounded_step=partial(_limited_step, limits=limits, nonlinear=balance.nonlinear),
     )
     place = np.clip(place, limits[:, 0], limits[:, 1])
     place, _, _, converged = descend(balance.linearise, place, np.zeros((len(rows), 0)), rules)

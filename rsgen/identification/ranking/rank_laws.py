@@ -287,7 +287,8 @@ def order_candidates(
 ) -> tuple[list[int], float, list[bool]]:
     """Order candidates by BIC; the first is that of fewest parameters among the tied ones.
 
-    Candidates that predict held-out levels worse than one of fewer parameters overfit, and come last.
+    Candidates tie whose BIC is within ``STRONG_EVIDENCE`` of the lowest. Those that predict held-out levels
+    worse than one of fewer parameters overfit, tie with none, and come last.
 
     Parameters
     ----------

@@ -13,9 +13,12 @@ the term is another law (a gap that is never reached). In this order (``search_n
 2. Trials over all windows on a few points; linear parameters, factors and mass are solved for in each.
 3. Descents in the logarithms from the best trials that are no neighbours, and from one scan along each
    parameter. A law with memory has more starts, which descend on few points first.
-4. Of solutions that fit equally the one whose linear columns depend on each other most (the largest null
-   space), such as a gap that is not reached: it shows what the test does not determine.
-5. Of these one with positive values, and the groups times their factors.
+4. Of solutions that fit equally one whose linear columns depend on each other more than those of the best (a
+   null space with one more dimension, at least), such as a gap that is not reached: it shows what the test
+   does not determine. Candidates are asked in the order of their negative signs, fewest first, and then of
+   their largest value; the first that fits is taken (``least_determined``).
+5. Of these one with positive values, of which none is more than ten times the motion (``near_the_motion``),
+   and the groups times their factors.
 """
 
 from __future__ import annotations
@@ -85,8 +88,8 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     Returns
     -------
     Array
-        (count,) values. Of equal solutions the one whose switches do not act, because its null space shows
-        what the test does not determine; else the one with positive values.
+        (count,) values in the order of ``law.nonlinear``. Of equal solutions one whose switches do not act,
+        because its null space shows what the test does not determine; else one with positive values.
     """
     search = _Search(equations, law, mass)
     if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
@@ -124,7 +127,10 @@ class _EqualTrials:
         return next(equal, otherwise)
 
     def least_determined(self, best: Array, candidates: Sequence[Array]) -> Array:
-        """Return a candidate whose switches do not act: the test does not determine their parameters."""
+        """Return the first candidate with one more undetermined dimension: its switches do not act.
+
+        The fewest negative signs come first, then the smallest values.
+        """
         ordered = sorted(candidates, key=lambda trial: (np.sum(trial < 0), np.abs(trial).max()))
         return self.first(ordered, self._search.null_dimension(best) + 1, best)
 
