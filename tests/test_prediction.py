@@ -11,9 +11,8 @@ from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
-from rsgen.identification.prediction.resonance_curves import as_identification
-from rsgen.identification.prediction.shown_levels import predict_shown
-from rsgen.identification.results.remarks import held_out_lines
+from rsgen.identification.prediction.resonance_curves import as_identification, predict_shown
+from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import make_element
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from rsgen.report.figures.responses import draw_held_out, draw_responses

@@ -9,6 +9,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsgen.common.errors import RsgenError
+
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Chosen = NDArray[np.bool_] | NDArray[np.intp] | slice
@@ -28,6 +30,17 @@ def frozen_array(values: ArrayLike, dtype: type = np.float64) -> NDArray[Any]:
     array: NDArray[Any] = np.array(unmasked(values), dtype=dtype)
     array.flags.writeable = False
     return array
+
+
+def freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:
+    """Make the named fields of a frozen dataclass read-only arrays, which must have one shape."""
+    lengths = set()
+    for name in names:
+        array = frozen_array(getattr(record, name), dtype)
+        object.__setattr__(record, name, array)
+        lengths.add(array.shape)
+    if len(lengths) > 1:
+        raise RsgenError(f"{type(record).__name__}: {', '.join(names)} must have one shape, have {lengths}")
 
 
 Rows = TypeVar("Rows")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isfinite
 from types import MappingProxyType
@@ -14,6 +15,8 @@ import sympy
 from rsgen.common.declaration import Rule, check, declare, documented
 from rsgen.common.errors import RsgenError, known_arguments, require, require_number
 from rsgen.formula.printing import write
+from rsgen.formula.unit_deduction import parameter_units
+from rsgen.formula.units import UNCALIBRATED, WHOLE, ForceUnits
 from rsgen.law.character import character
 from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import equations_of
@@ -373,3 +376,20 @@ def join_model(
     observation = model.observation if observation is None else observation
     known = Model(model.elements, mass, observation, fixed).fixed
     return Model(model.elements, None, observation, {**model.fixed, **known})
+
+
+def force_units(model: Model, of: ForceUnits) -> ForceUnits:
+    """Return the units of a test; of one that is not calibrated only those without a force are known."""
+    return of if model.observation.calibrated else UNCALIBRATED
+
+
+def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
+    """SI unit of every parameter, "" where the law does not say, in those of a test (``force_units``)."""
+    of = force_units(model, of)
+    # names that are kept for the time and the force have no unit there
+    units = dict.fromkeys(model.parameters, "")
+    # a law whose terms do not agree in units can be fitted all the same
+    with suppress(RsgenError):
+        units |= parameter_units(model.force)
+    named = {name: of.of(unit) for name, unit in units.items()}
+    return {"m": of.of("kg"), **{name: "" if unit == "1" else unit for name, unit in named.items()}}

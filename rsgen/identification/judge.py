@@ -32,7 +32,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
-from rsgen.data.oscillator import Model, refuse_across
+from rsgen.data.oscillator import Model, force_units, refuse_across
 from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
@@ -85,7 +85,6 @@ from rsgen.identification.results.estimates import (
     state_background,
     state_parameters,
 )
-from rsgen.identification.results.result import force_units
 from rsgen.identification.soundness import (
     exclusion_findings,
     feeding_findings,

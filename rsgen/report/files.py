@@ -20,7 +20,7 @@ from rsgen.describing.function import PrintedComparison, compare_printed
 from rsgen.dynamics.kernel_source import generate
 from rsgen.formula.names import Structural, remembers
 from rsgen.identification.prediction import Prediction
-from rsgen.identification.prediction.shown_levels import predict_shown
+from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.report import figures
 from rsgen.report.figures.drawing import POINTS, project_style

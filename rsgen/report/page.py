@@ -31,7 +31,7 @@ from rsgen.formula.reading import parse
 from rsgen.formula.units import number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
-from rsgen.identification.results.remarks import mass_lines
+from rsgen.identification.results.result import mass_lines
 from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.element import Element
 from rsgen.law.memory import FORCE_KEYS, memory_form, with_equations

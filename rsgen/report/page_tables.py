@@ -19,11 +19,10 @@ from rsgen.formula.units import ForceUnits, Scale, choose_scale, number_text, qu
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
-from rsgen.identification.prediction.prediction_result import PredictedRecord
-from rsgen.identification.prediction.resonance_curves import score_points
+from rsgen.identification.prediction.prediction_result import PredictedRecord, score_points
 from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
-from rsgen.identification.results.remarks import HELD_OUT_SCALE
+from rsgen.identification.results.result import HELD_OUT_SCALE
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.wording.sentences import error_text, sentence, share_text
 

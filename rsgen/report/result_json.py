@@ -35,7 +35,7 @@ from rsgen.formula.printing import write
 from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
-from rsgen.identification.results.remarks import held_out_lines
+from rsgen.identification.results.result import held_out_lines
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.figures import equivalent
 from rsgen.report.page_tables import NO_MODAL, Modal

@@ -8,7 +8,7 @@ import pytest
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.identification.ranking.library_sums import library_terms
-from rsgen.identification.results.remarks import held_out_lines
+from rsgen.identification.results.result import held_out_lines
 from rsgen.law.motion import waveform
 from tests.case_files import MEASURED, write_small
 

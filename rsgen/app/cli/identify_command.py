@@ -10,8 +10,8 @@ from rsgen.app.cli.options import Data, Json, OneCase, Surface
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.study.run_case import identify_case, obtain_table
 from rsgen.cases.loading import load_case
-from rsgen.identification.prediction.shown_levels import predict_shown
-from rsgen.identification.results.remarks import held_out_lines, mass_lines
+from rsgen.identification.prediction.resonance_curves import predict_shown
+from rsgen.identification.results.result import held_out_lines, mass_lines
 from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.wording.sentences import sentence, state_verdict
 

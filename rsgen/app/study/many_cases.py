@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -331,8 +331,13 @@ def run_cases(
     else:
         for path, case in todo.items():
             note(path, run_case(case, place, force=True, progress=progress, **settings))
-    changed = any(run.folder and not run.skipped for run in runs.values())
-    missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
-    if changed or (missing and any(run.folder for run in runs.values())):
-        rsgen.report.write_index(place)
+    _renew_index(place, runs.values())
     return tuple(runs[path] for path in files)
+
+
+def _renew_index(place: Path, runs: Collection[CaseRun]) -> None:
+    """Write the index over all results if one is new, or if the index is missing."""
+    changed = any(run.folder and not run.skipped for run in runs)
+    missing = any(not (place / name).is_file() for name in ("index.html", "table1.md"))
+    if changed or (missing and any(run.folder for run in runs)):
+        rsgen.report.write_index(place)

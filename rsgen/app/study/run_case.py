@@ -39,8 +39,7 @@ from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
-from rsgen.identification.results.remarks import mass_lines
-from rsgen.identification.results.result import table_of
+from rsgen.identification.results.result import mass_lines, table_of
 from rsgen.report.result_json import Entry
 
 RESULT = "result.json"

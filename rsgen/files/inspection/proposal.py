@@ -346,6 +346,15 @@ def _find_drive(draft: _Draft, sensors: list[Sensor], of_force: bool) -> tuple[S
     return next((sensor for sensor in sensors if sensor.main is force), None), base
 
 
+def _write_base(draft: _Draft, base: Sequence[Sensor]) -> None:
+    """Write the motion of the base; of several sensors the first, and the others as a doubt."""
+    draft.tables["test.base"] = _motion(draft, base[0], "test.base") | {"response": "absolute"}
+    draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
+    if base[1:]:
+        others = listed([clues.called(sensor.main) for sensor in base[1:]])
+        draft.doubts["test.base.quantity"] = f"{clues.TODO}or {others}: the driven direction"
+
+
 def _write_signals(
     draft: _Draft, sensors: list[Sensor], loose: list[Entry], left_out: list[str], of_force: bool = False
 ) -> bool:
@@ -380,11 +389,7 @@ def _write_signals(
             responses[0] = responses[0].with_phase(phase, doubt)
             loose = [other for other in loose if other is not phase]
     if base:
-        draft.tables["test.base"] = _motion(draft, base[0], "test.base") | {"response": "absolute"}
-        draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
-        if base[1:]:
-            others = listed([clues.called(sensor.main) for sensor in base[1:]])
-            draft.doubts["test.base.quantity"] = f"{clues.TODO}or {others}: the driven direction"
+        _write_base(draft, base)
     elif force is not None:
         draft.tables["test.force"] = _force(draft, force)
     elif not history:

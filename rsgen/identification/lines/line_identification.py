@@ -35,7 +35,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, force_units
 from rsgen.data.surface.mode_findings import fixed_contradicted
 from rsgen.dynamics.linear_part import background_of_lines
 from rsgen.dynamics.periodic_response import periodic_response
@@ -79,7 +79,6 @@ from rsgen.identification.results.estimates import (
     state_background,
     state_parameters,
 )
-from rsgen.identification.results.result import force_units
 from rsgen.identification.soundness import gain_findings, signs_along
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import put_in_order

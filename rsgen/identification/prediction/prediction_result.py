@@ -7,18 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.finding import Finding, Quantity, Severity, quantities
+from rsgen.common.arrays import Array, ComplexArray, freeze
+from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short
-from rsgen.common.tolerances import BRANCH_DISTANCE, RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.identification.results.remarks import held_out_lines
-from rsgen.identification.results.result import freeze
+from rsgen.common.tolerances import (
+    BRANCH_DISTANCE,
+    HELD_OUT_ERROR_DOUBTFUL,
+    HELD_OUT_ERROR_REJECTED,
+    HELD_OUT_ERROR_SMALL,
+    MAX_ERROR_TO_MISFIT,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+)
+from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
 
 SHARE_AT_JUMPS = 0.02
@@ -151,6 +158,71 @@ def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
         severity: Severity = "info" if "jump" in names else "warning"
         findings.append(Finding("held-out-points-missing", severity, numbers=numbers, names=names))
     return tuple(findings)
+
+
+def missed_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
+    """Find held-out levels whose error is large, and large relative to the misfit of the fit."""
+    findings = []
+    for item in held_out:
+        if not item.error > max(HELD_OUT_ERROR_SMALL, MAX_ERROR_TO_MISFIT * item.misfit):
+            continue
+        severity = severity_of(item.error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
+        level = Quantity(item.level, item.level_unit)
+        numbers = quantities(error=item.error, misfit=item.misfit, level=level)
+        if item.error <= item.explained and item.misfit <= HELD_OUT_ERROR_SMALL:
+            # forces of a decay are far more sensitive to the values than its frequency
+            severity = "warning"
+            numbers |= quantities(explained=item.explained)
+        findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
+    return tuple(findings)
+
+
+def score_points(
+    measured: ComplexArray, predicted: ComplexArray, near: float = BRANCH_DISTANCE, *, by_law: bool = True
+) -> tuple[float, float, int, int]:
+    """Return the error of a run, its largest one, how many points are not predicted as ``near``, and which
+    point has the largest.
+
+    Points on another branch may lie between a predicted and a measured jump: a few of them are not scored.
+    One without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a modal
+    table it is out of range and does not count.
+    """
+    size = np.abs(measured)
+    miss = np.abs(predicted - measured)
+    missed = ~(miss <= near * size)
+    scored = np.full(len(size), True) if by_law else np.isfinite(miss)
+    miss = np.where(np.isfinite(miss), miss, size)
+    off = np.flatnonzero(scored & missed)
+    off = off[np.argsort(-miss[off], kind="stable")]
+    count = int(np.count_nonzero(scored))
+    scored[off[: min(int(np.ceil(SHARE_AT_JUMPS * count)), count - 1)]] = False
+    if not scored.any():
+        return nan, nan, int(np.count_nonzero(missed)), 0
+    root = np.sqrt(np.mean(size[scored] ** 2))
+    error = float(np.sqrt(np.mean(miss[scored] ** 2)) / root)
+    worst = int(np.argmax(np.where(scored, miss, -inf)))
+    return error, float(miss[worst] / root), int(np.count_nonzero(missed)), worst
+
+
+def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
+    """Choose levels [N] to show from those that settled somewhere, evenly from lowest to highest.
+
+    Parameters
+    ----------
+    most
+        How many at most: more curves in one figure look alike.
+
+    Examples
+    --------
+    >>> from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
+    >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
+    >>> choose_levels(surface, 3)
+    [1.0, 5.0, 9.0]
+    """
+    levels = np.unique(surface.level[surface.settled])
+    if len(levels) > most:
+        levels = levels[np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))]
+    return [float(level) for level in levels]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

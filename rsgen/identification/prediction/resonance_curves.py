@@ -18,13 +18,9 @@ import numpy as np
 import rsgen.identification  # predicts records of multisines
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, known_arguments, require
-from rsgen.common.finding import Finding, Quantity, quantities, severity_of
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
-    HELD_OUT_ERROR_DOUBTFUL,
-    HELD_OUT_ERROR_REJECTED,
-    HELD_OUT_ERROR_SMALL,
-    MAX_ERROR_TO_MISFIT,
     MAX_LINEAR_CHANGE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
@@ -47,11 +43,13 @@ from rsgen.identification.prediction.amplitude_balance import (
 )
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
-    SHARE_AT_JUMPS,
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
+    choose_levels,
+    missed_findings,
     missing_findings,
+    score_points,
 )
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, MultisineIdentification
 
@@ -207,7 +205,7 @@ def predict(
     known = tested if tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
     curves = tuple(_curve(found, balance, level, omega, tested, known) for level in balance.drawn(chosen))
     held_out = () if surface is None else _score(found, balance, surface)
-    findings = [*_missed(held_out)]
+    findings = [*missed_findings(held_out)]
     if curves and not known[0] <= window[0] < window[1] <= known[1]:
         numbers = quantities("Hz", low=low, high=high)
         findings.append(Finding("prediction-extrapolated", "warning", "", numbers, {"by": "frequency"}))
@@ -247,7 +245,7 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
         return Prediction((), (), meant)
     surface = surface.on_mass(found.mass)
     held_out = _score(found, balance_of(found), surface)
-    return Prediction((), held_out, (*meant, *missing_findings(held_out), *_missed(held_out)))
+    return Prediction((), held_out, (*meant, *missing_findings(held_out), *missed_findings(held_out)))
 
 
 def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
@@ -495,50 +493,6 @@ def _respond(
     return balance.respond(mode) + shape.receptance(values) * mode.force
 
 
-def _missed(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
-    """Find held-out levels whose error is large, and large relative to the misfit of the fit."""
-    findings = []
-    for item in held_out:
-        if not item.error > max(HELD_OUT_ERROR_SMALL, MAX_ERROR_TO_MISFIT * item.misfit):
-            continue
-        severity = severity_of(item.error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
-        level = Quantity(item.level, item.level_unit)
-        numbers = quantities(error=item.error, misfit=item.misfit, level=level)
-        if item.error <= item.explained and item.misfit <= HELD_OUT_ERROR_SMALL:
-            # forces of a decay are far more sensitive to the values than its frequency
-            severity = "warning"
-            numbers |= quantities(explained=item.explained)
-        findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
-    return tuple(findings)
-
-
-def score_points(
-    measured: ComplexArray, predicted: ComplexArray, near: float = BRANCH_DISTANCE, *, by_law: bool = True
-) -> tuple[float, float, int, int]:
-    """Return the error of a run, its largest one, how many points are not predicted as ``near``, and which
-    point has the largest.
-
-    Points on another branch may lie between a predicted and a measured jump: a few of them are not scored.
-    One without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a modal
-    table it is out of range and does not count.
-    """
-    size = np.abs(measured)
-    miss = np.abs(predicted - measured)
-    missed = ~(miss <= near * size)
-    scored = np.full(len(size), True) if by_law else np.isfinite(miss)
-    miss = np.where(np.isfinite(miss), miss, size)
-    off = np.flatnonzero(scored & missed)
-    off = off[np.argsort(-miss[off], kind="stable")]
-    count = int(np.count_nonzero(scored))
-    scored[off[: min(int(np.ceil(SHARE_AT_JUMPS * count)), count - 1)]] = False
-    if not scored.any():
-        return nan, nan, int(np.count_nonzero(missed)), 0
-    root = np.sqrt(np.mean(size[scored] ** 2))
-    error = float(np.sqrt(np.mean(miss[scored] ** 2)) / root)
-    worst = int(np.argmax(np.where(scored, miss, -inf)))
-    return error, float(miss[worst] / root), int(np.count_nonzero(missed)), worst
-
-
 def _score(
     identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
 ) -> tuple[HeldOutLevel, ...]:
@@ -589,3 +543,44 @@ def _score(
                 )
             )
     return tuple(scored)
+
+
+def predict_shown(table: ResponseSurface | MultisineSpectra, identification: Identification) -> Prediction:
+    """Predict what a report shows of a test: some tested levels, those held out, and those asked for."""
+    asked = [] if identification.model.sensors else [*identification.model.observation.predict]
+    if isinstance(table, MultisineSpectra):
+        # of what identification has not seen; other spectra would count what it has seen as held out
+        found = predict(identification, asked or None)
+    else:
+        levels = [] if identification.model.sensors else _shown_levels(table, identification)
+        found = predict(identification, sorted({*levels, *asked}) or None, table)
+    largest = [_largest(found[level], table.base) for level in asked]
+    return replace(found, findings=(*found.findings, *largest))
+
+
+def _largest(curve: ResonanceCurve, base: str) -> Finding:
+    """State the largest amplitude of a curve, its interval, and the frequencies of jumps."""
+    numbers = {"level": Quantity(curve.level, curve.level_unit)}
+    if len(curve.frequency):
+        top = int(np.nanargmax(curve.amplitude))
+        low, size, high = (float(of[top]) for of in (curve.lower, curve.amplitude, curve.upper))
+        numbers |= quantities("m", amplitude=size) | quantities("Hz", at=float(curve.frequency[top]))
+        numbers |= quantities("m", low=low, high=high) if low < high else {}
+    jumps = ", ".join(f"{at:.5g}" for at in sorted(curve.folds[:, 0]))
+    said = {"base": base, "jumps": jumps}
+    return Finding(
+        "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
+    )
+
+
+def _shown_levels(surface: ResponseSurface, identification: Identification) -> list[float]:
+    """Choose the levels to predict: as measured near the resonances of tested and held-out ones."""
+    if surface.response_held:
+        # its levels are no forces; those that the resonances needed are
+        return [float(level) for level in identification.levels]
+    held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
+    chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
+    forces = typical_amounts(surface)[chosen]
+    if surface.base and not surface.per_mass:
+        forces /= identification.mass
+    return sorted({float(force) for force in forces if np.isfinite(force)})

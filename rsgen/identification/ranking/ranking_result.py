@@ -6,7 +6,7 @@ points (``reference.neighbour_noise``), is not significant by Fisher's z or belo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, nan
 from textwrap import wrap
@@ -235,49 +235,53 @@ class Ranking(Printed):
     def __repr__(self) -> str:
         """Return the table as text of 80 columns: the force of a law stands below it."""
         table = self.table
-        lines, below = [["law", "par.", *table.heads[2:-1]]], [list[str]()]
-        for candidate, row in zip(self, table.rows, strict=True):
+        lines, below = [["law", "par.", "BIC", "unseen", "verdict"]], [list[str]()]
+        for candidate in self:
             first, *rest = wrap(candidate.label, _COLUMNS_OF_NAME)
-            verdict = "not fitted" if candidate.fault else str(row[-2]).partition(" ")[0].rstrip(";")
-            lines.append([first, *map(str, row[1:-2]), verdict + "*" * (not candidate.converged)])
-            text = "; ".join(filter(None, [row[-1], candidate.fault]))
+            numbers = [str(self._columns[head](candidate)) for head in ("parameters", "BIC", "unseen")]
+            verdict = "not fitted" if candidate.fault else self._standing(candidate).partition(" ")[0]
+            lines.append([first, *numbers, verdict + "*" * (not candidate.converged)])
+            text = "; ".join(filter(None, [candidate.force, candidate.fault]))
             below.append([*rest, *wrap(text, 80, initial_indent="    ", subsequent_indent="    ")])
         body = [line for parts in zip(aligned(lines), below, strict=True) for line in (parts[0], *parts[1])]
         body += [f"* {_NOT_CONVERGED}"] * any(not one.converged for one in self)
         return "\n".join([table.caption, *body, *table.notes])
 
+    def _standing(self, one: Candidate) -> str:
+        """Return what a candidate is next to the best one."""
+        if one.fault:
+            return f"not fitted: {one.fault}"
+        if one is self.candidates[0]:
+            return "best"
+        return "ties with the best" if one.tied else "worse"
+
+    @property
+    def _columns(self) -> dict[str, Callable[[Candidate], Any]]:
+        """The heads of the table, each with its cell of a candidate."""
+        return {
+            "law": lambda one: whole_label(one, self.model.sensors),
+            "parameters": lambda one: one.parameters,
+            "BIC": lambda one: short(one.bic, 4),
+            "unseen": lambda one: (
+                f"{short(100 * one.held_out_error, 2)} %" if one.held_out_error >= 0 else ""
+            ),
+            "verdict": lambda one: self._standing(one) + f"; {_NOT_CONVERGED}" * (not one.converged),
+            "force": lambda one: one.force,
+        }
+
     @property
     def table(self) -> TextTable:
         """The table of pages and notebooks."""
-        rows = tuple(
-            (
-                whole_label(candidate, self.model.sensors),
-                candidate.parameters,
-                short(candidate.bic, 4),
-                f"{short(100 * candidate.held_out_error, 2)} %" if candidate.held_out_error >= 0 else "",
-                (
-                    f"not fitted: {candidate.fault}"
-                    if candidate.fault
-                    else "best"
-                    if candidate is self.candidates[0]
-                    else "ties with the best"
-                    if candidate.tied
-                    else "worse"
-                )
-                + ("" if candidate.converged else f"; {_NOT_CONVERGED}"),
-                candidate.force,
-            )
-            for candidate in self
-        )
+        columns = self._columns
+        rows = tuple(tuple(cell(candidate) for cell in columns.values()) for candidate in self)
         fits = "fits" if self.fits else f"none fits, unexplained {self.unexplained:.2g}"
         verdict = self.verdict
         if verdict.decided_by:
             fits += f"; {verdict.state}: {', '.join(finding.code for finding in verdict.decided_by)}"
-        heads = ("law", "parameters", "BIC", "unseen", "verdict", "force")
         best = whole_name(self.candidates[0].name, self.model.sensors)
         judged = "periods" if isinstance(self.surface, MultisineSpectra) else "neighbouring points"
         caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} % by {judged}"
-        return TextTable(heads, rows, caption=caption, notes=(ORDER,))
+        return TextTable(tuple(columns), rows, caption=caption, notes=(ORDER,))
 
 
 def _topic(finding: Finding) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rsgen.data.oscillator import units_of
 from rsgen.identification.results.result import (
     Background,
     EquivalentCurve,
@@ -12,7 +13,6 @@ from rsgen.identification.results.result import (
     RestoringForce,
     changed,
     later,
-    units_of,
 )
 
 __all__ = [

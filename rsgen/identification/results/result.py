@@ -3,45 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
-from math import isfinite
+from math import isfinite, nan
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray, frozen_array
+from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
+    HELD_OUT_ERROR_SMALL,
+    MAX_ERROR_TO_MISFIT,
+    MISFIT_NEGLIGIBLE,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
-from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.oscillator import Model, Oscillator, units_of
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
-from rsgen.formula.unit_deduction import parameter_units
-from rsgen.formula.units import UNCALIBRATED, WHOLE, ForceUnits
+from rsgen.formula.units import WHOLE, ForceUnits
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
-from rsgen.identification.results.remarks import held_out_lines, mass_lines
 from rsgen.law.memory import with_equations
 
 if TYPE_CHECKING:
     from rsgen.data.multisine.linear import BestLinear
-
-
-def freeze(record: object, names: tuple[str, ...], dtype: type = np.float64) -> None:
-    """Make the named fields of a frozen dataclass read-only arrays, which must have one shape."""
-    lengths = set()
-    for name in names:
-        array = frozen_array(getattr(record, name), dtype)
-        object.__setattr__(record, name, array)
-        lengths.add(array.shape)
-    if len(lengths) > 1:
-        raise RsgenError(f"{type(record).__name__}: {', '.join(names)} must have one shape, have {lengths}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +87,44 @@ def table_of(estimates: Iterable[Estimate]) -> TextTable:
     """Return estimates as a table, as terminals and notebooks show it."""
     heads = ("parameter", "value", f"{CONFIDENCE_TEXT} interval", "unit", "finding")
     return TextTable(heads, tuple(estimate.cells for estimate in estimates))
+
+
+_SMALL = f"{100 * HELD_OUT_ERROR_SMALL:g} %"
+HELD_OUT_SCALE = f"up to {MAX_ERROR_TO_MISFIT:g} times it is as good as the fit, up to {_SMALL} is small"
+"""With what errors of held-out levels are to be compared, where nothing else is doubted."""
+
+
+def mass_lines(estimates: Iterable[Any]) -> list[str]:
+    """Return what values owe to the mass, given or identified: a line, none where it has no value in kg."""
+    given = "m is taken as exact: its error comes on top, 1 % of m moves the linear stiffness by about 1 %"
+    free = "a wrong unit or factor of force or response shows in m alone: compare it with what moves"
+    masses = (one for one in estimates if one.name == "m" and one.unit == "kg" and one.identifiable)
+    return [free if one.standard_error else given for one in masses]
+
+
+def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
+    """Return a line for each held-out level or record: its error relative to the measured response.
+
+    What is small is said only next to a ``usable`` verdict: a doubtful law is not to be trusted for it.
+    """
+    return [
+        f"held out {short(one.level, 4)} {one.level_unit}"
+        + (f", {one.sweep}" if getattr(one, "sweep", "rest") != "rest" else "")
+        + f": predicted with an error of {100 * one.error:.2g} %"
+        + (f", {one.missing} of {len(one.frequency)} points not at all" if getattr(one, "missing", 0) else "")
+        + _scale_of_error(one, f"; {HELD_OUT_SCALE}" if usable else "")
+        for one in held_out
+    ]
+
+
+def _scale_of_error(one: Any, scale: str) -> str:
+    """Say with what to compare the error of a level, and where it is largest; nothing of exact data, or of a
+    record.
+    """
+    if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
+        return ""
+    largest = f"{100 * one.largest_error:.2g} % of the root mean square at {one.largest_at:.5g} Hz"
+    return f", at most {largest}; {one.error / one.misfit:.2g} times the misfit{scale}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,23 +278,6 @@ class Background:
     def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> BackgroundTerms:
         """Return the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
         return background_terms(self.kind, omega, force, self.band)
-
-
-def force_units(model: Model, of: ForceUnits) -> ForceUnits:
-    """Return the units of a test; of one that is not calibrated only those without a force are known."""
-    return of if model.observation.calibrated else UNCALIBRATED
-
-
-def units_of(model: Model, of: ForceUnits = WHOLE) -> dict[str, str]:
-    """SI unit of every parameter, "" where the law does not say, in those of a test (``force_units``)."""
-    of = force_units(model, of)
-    # names that are kept for the time and the force have no unit there
-    units = dict.fromkeys(model.parameters, "")
-    # a law whose terms do not agree in units can be fitted all the same
-    with suppress(RsgenError):
-        units |= parameter_units(model.force)
-    named = {name: of.of(unit) for name, unit in units.items()}
-    return {"m": of.of("kg"), **{name: "" if unit == "1" else unit for name, unit in named.items()}}
 
 
 _NOTHING_COUNTED = Finding("identified", "info")

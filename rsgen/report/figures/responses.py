@@ -17,8 +17,7 @@ from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import SWEEPS, Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.identification.prediction.prediction_result import PredictedRecord
-from rsgen.identification.prediction.shown_levels import choose_levels
+from rsgen.identification.prediction.prediction_result import PredictedRecord, choose_levels
 from rsgen.identification.results import MultisineIdentification
 from rsgen.law.motion import waveform
 from rsgen.report.figures.drawing import (
