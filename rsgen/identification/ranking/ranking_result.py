@@ -41,7 +41,9 @@ OWN = "the case's own law"
 
 ORDER = (
     "BIC: above the lowest; unseen: error on levels not fitted; order: first the simplest of those that tie "
-    "with the best, then by BIC, last what predicts unseen levels worse than a simpler law"
+    "with the best, then by BIC, last what predicts unseen levels worse than a simpler law; all laws of the "
+    "library and their sums were compared once, and those that left least are listed, with the best single "
+    "laws: to see another one, give it as a law of your own"
 )
 """The order of a ranking, as tables say it."""
 
