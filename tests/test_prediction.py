@@ -1,3 +1,4 @@
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -385,3 +386,17 @@ def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(bas
     swept = SimulatedTest([asked], np.linspace(13, at, 80), sweep="up", base=base or None)
     own = simulate(oscillator, swept)
     assert largest == pytest.approx(own.amplitude.max(), rel=2e-2)
+
+
+@pytest.mark.parametrize("law", ["k*x + c*v + k3*x**3"])
+def test_a_pickled_law_is_no_modal_table(law):
+    """Beyond its amplitudes, where its curve still rose, it was said that a modal table ends."""
+    values = {"k": 9800.0, "c": 0.9, "k3": -4.5e7}
+    test = SimulatedTest([0.2, 0.4], np.linspace(25, 31, 61), method="harmonic-balance")
+    found = identify(simulate(Oscillator(0.32, law, values), test), law)
+    for one in (found, pickle.loads(pickle.dumps(found))):
+        prediction = predict(one, [1.5])
+        assert prediction[1.5].rises_at_end
+        named = [(finding.code, dict(finding.names)) for finding in prediction.findings]
+        assert ("prediction-extrapolated", {"by": "table"}) not in named
+        assert any(code == "prediction-extrapolated" for code, _ in named)

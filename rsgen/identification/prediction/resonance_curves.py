@@ -325,7 +325,7 @@ def _findings(
             numbers = {"level": numbers["level"], **friction_under(found, curve)}
             findings.append(Finding("no-steady-state", "warning", numbers=numbers))
             continue
-        if found.fit is None and curve.rises_at_end and np.isfinite(tested[1]):
+        if isinstance(balance, SynthesisBalance) and curve.rises_at_end:
             findings.append(
                 Finding("prediction-extrapolated", "warning", numbers=numbers, names={"by": "table"})
             )

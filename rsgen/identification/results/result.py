@@ -402,7 +402,9 @@ class Identification(Printed):
         if self.fit is None:
             raise RsgenError("residuals: only of a fit of sines")
         fit, points = self.fit, self.fit.problem.observed.mode(self.fit.background)
-        ratio = fit.force / fit.harmonics[:, 1] * points.harmonics[:, 1] / points.force
+        # a point that the law does not reach has none
+        with np.errstate(all="ignore"):
+            ratio = fit.force / fit.harmonics[:, 1] * points.harmonics[:, 1] / points.force
         found = np.full(len(self.curve.frequency), np.nan, dtype=complex)
         left = 1 - (ratio if points.phase_known else np.abs(ratio))
         found[self.curve.used] = left[fit.regression.used]
