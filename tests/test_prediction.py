@@ -86,8 +86,8 @@ def test_the_error_that_is_stated_is_the_one_that_is_judged(wrong, severities):
     assert [(one.severity, one["error"]) for one in missed] == [(one, item.error) for one in severities]
     said = f"{100 * item.error:.2g} %, {wrong} of {len(item.frequency)} points not at all"
     assert said in str(found)
-    # no error is called small beside a law that is doubted
-    assert ("is small" in str(found)) is found.verdict.usable
+    # no error is called good beside a law that is doubted
+    assert ("times the misfit: as good as the fit" in str(found)) is found.verdict.usable
 
 
 def test_curves_pass_through_the_measured_points(quintic):
@@ -153,9 +153,8 @@ def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
 
 
 @pytest.mark.parametrize(("error", "said"), [
-    (0.0092, "1.6 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
-    (0.08, "14 times the misfit; up to 2 times it is as good as the fit, up to 5 % is small"),
-    (1e-5, ""),
+    (0.0092, "1.6 times the misfit: as good as the fit"), (0.0124, "2.1 times the misfit: small"),
+    (0.08, "14 times the misfit"), (1e-5, ""),
 ])  # fmt: skip
 def test_the_error_of_a_held_out_level_has_its_scale_and_its_place(quintic, error, said):
     item = replace(quintic[1].held_out[0], error=error, misfit=0.0059)
@@ -164,7 +163,7 @@ def test_the_error_of_a_held_out_level_has_its_scale_and_its_place(quintic, erro
     miss = np.abs(item.predicted - item.measured)
     assert (f" at {item.frequency[np.argmax(miss)]:.5g} Hz;" in line) is bool(said)
     # beside a law that is doubted nothing is small
-    assert doubted == line.partition("; up to")[0]
+    assert doubted == line.removesuffix(": as good as the fit").removesuffix(": small")
 
 
 @pytest.mark.parametrize(("sweep", "band", "by"), [

@@ -90,11 +90,13 @@ def _solve_free(matrix: Array, right: Array, sizes: Sequence[Array | float]) -> 
             regular = np.linalg.norm(inverse) * np.linalg.norm(square) < 1 / NULL_TOLERANCE
         if regular:
             return (inverse @ triangle[:count, count]) / scale, inverse / scale[:, None], np.zeros((count, 0))
-    parts = np.linalg.svd(triangle[:, :count], full_matrices=False)
+    # fewer rows than unknowns have null vectors beyond those of the singular values
+    parts = np.linalg.svd(triangle[:, :count], full_matrices=len(triangle) < count)
     left, singular, across = (np.asarray(part) for part in parts)
-    told = singular > NULL_TOLERANCE * np.max(singular, initial=1e-300)
-    solution = across[told].T @ ((left[:, told].T @ triangle[:, count]) / singular[told]) / scale
-    return solution, (across[told].T / singular[told]) / scale[:, None], across[~told].T
+    rank = int(np.count_nonzero(singular > NULL_TOLERANCE * np.max(singular, initial=1e-300)))
+    told, singular = across[:rank], singular[:rank]
+    solution = told.T @ ((left[:, :rank].T @ triangle[:, count]) / singular) / scale
+    return solution, (told.T / singular) / scale[:, None], across[rank:].T
 
 
 def _triangle(matrix: Array, scale: Array, right: Array) -> Array:

@@ -340,7 +340,7 @@ class Findings:
         found += misfit_findings(self.surface, self.points, self.fit, wider, others)
         found += even_findings(self.fit)
         found += self.errors.agreement.findings
-        found += sign_findings(self.points, self.fit, wider)
+        found += sign_findings(self.points, self.fit, wider, force_units(self.model, self.surface.units))
         found += phase_findings(self.fit.background)
         problem = self.fit.problem
         variance = np.diag(self.fit.regression.covariance)[problem.count :]

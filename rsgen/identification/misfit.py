@@ -40,6 +40,7 @@ from rsgen.data.surface.mode_findings import fixed_contradicted
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
+from rsgen.formula.units import number_text
 from rsgen.identification.fitting.across import misfit_of_joint
 from rsgen.identification.fitting.fit import Fit, linearise_extended
 from rsgen.identification.fitting.least_squares import Regression
@@ -468,23 +469,25 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
     if records_even(problem) or not _is_symmetric(problem):
         return []
     (k2, moved), series, x = even_force_shift(fit), problem.law.expression.expand(), symbol("x")
-    largest, found = float(problem.observed.points.amplitude.max()), []
     change_of = dict(zip((*problem.law.parameters, "m"), moved.tolist(), strict=False))
-    for estimate in estimates:
-        change = change_of[estimate.name]
-        share = change / estimate.value
-        if not (estimate.identifiable and abs(share) > RELATIVE_CHANGE_NEGLIGIBLE):
-            continue
-        names = dict[str, str]()
-        if series.coeff(x, 3) == symbol(estimate.name) and (linear := series.coeff(x, 1)):
-            spring = float(problem.law.still(np.zeros(1), fit.values).by_x[0])
-            combined = write(symbol("k2") ** 2 / linear)
-            factor = change * spring / k2**2
-            names = {"determined": f"{estimate.name} {'+-'[factor < 0]} {abs(factor):.3g}*{combined}"}
-        names["side"] = "below" if change < 0 else "above"
-        numbers = quantities(even=EVEN_SHARE, amplitude=Quantity(largest, "m"), moved=share)
-        found.append(Finding("even-terms-not-seen", "info", estimate.name, numbers, names))
-    return found
+    shares = {one.name: change_of[one.name] / one.value for one in estimates if one.identifiable}
+    shares = {name: share for name, share in shares.items() if abs(share) > RELATIVE_CHANGE_NEGLIGIBLE}
+    if not shares:
+        return []
+    names, cubic = dict[str, str](), [name for name in shares if series.coeff(x, 3) == symbol(name)]
+    if cubic and (linear := series.coeff(x, 1)):
+        spring = float(problem.law.still(np.zeros(1), fit.values).by_x[0])
+        combined = write(symbol("k2") ** 2 / linear)
+        factor = change_of[cubic[0]] * spring / k2**2
+        names = {"determined": f"{cubic[0]} {'+-'[factor < 0]} {abs(factor):.3g}*{combined}"}
+    first, *others = sorted(shares, key=lambda name: (name not in cubic, -abs(shares[name])))
+    names["side"] = "below" if change_of[first] < 0 else "above"
+    if others:
+        names["others"] = listed([f"{name} {number_text(100 * shares[name], 2)} %" for name in others])
+    largest = Quantity(float(problem.observed.points.amplitude.max()), "m")
+    numbers = quantities(even=EVEN_SHARE, amplitude=largest, moved=shares[first])
+    numbers |= quantities(**{f"moved {name}": shares[name] for name in others})
+    return [Finding("even-terms-not-seen", "info", first, numbers, names)]
 
 
 def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> dict[str, Finding | None]:

@@ -36,6 +36,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
+from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.observed import Problem
@@ -293,11 +294,11 @@ def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
     return int(starts[longest]), int(lengths[longest])
 
 
-def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
+def sign_findings(points: Points, fit: Fit, wider: Array, units: ForceUnits) -> list[Finding]:
     """Find a negative mass, and k(X) or c(X) of elements at one place that are negative where it was tested.
 
     Elements across two sensors are checked separately from the others, because neither can compensate a wrong
-    sign of the others. Standard errors are multiplied by ``wider`` (q,).
+    sign of the others. Standard errors are multiplied by ``wider`` (q,); ``units`` are those of the test.
     """
     regression, problem = fit.regression, fit.problem
     basis = regression.basis * regression.sigma * wider[:, None]
@@ -305,12 +306,12 @@ def sign_findings(points: Points, fit: Fit, wider: Array) -> list[Finding]:
     if fit.mass < -NOISE_LIMIT_SIGMAS * float(np.linalg.norm(basis[len(problem.law.parameters)])):
         found.append(Finding("mass-negative", "error", "m", {"mass": Quantity(fit.mass, "kg")}))
     for part, followed in _parts_with_motions(points, fit):
-        found += signs_along(part, followed, fit.values, basis)
+        found += signs_along(part, followed, fit.values, basis, units)
     return found
 
 
 def signs_along(
-    part: Part, motion: Motion, values: Array, basis: Array, orders: slice = slice(1, 2)
+    part: Part, motion: Motion, values: Array, basis: Array, units: ForceUnits, orders: slice = slice(1, 2)
 ) -> list[Finding]:
     """Find a negative k(X) or c(X) of the elements that follow one motion; see ``_signs_at``."""
     own, names = part.parameters, {"sensors": part.sensors} if part.sensors else {}
@@ -318,6 +319,8 @@ def signs_along(
     for curve, numbers in zip(("k(X)", "c(X)"), signs, strict=True):
         if numbers:
             severity: Severity = "error" if numbers["share"].value > _MAX_NEGATIVE_SHARE else "doubt"
+            least = numbers["least"]
+            numbers |= {"least": Quantity(least.value, units.of(least.unit))}
             found.append(Finding("curve-negative", severity, "", numbers, names | {"curve": curve}))
     return found
 

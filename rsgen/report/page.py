@@ -28,7 +28,7 @@ from rsgen.describing.derivation import derive, derive_off_centre
 from rsgen.describing.function import PrintedComparison
 from rsgen.formula.names import symbol
 from rsgen.formula.reading import parse
-from rsgen.formula.units import number_text, quantity_text
+from rsgen.formula.units import count_text, number_text, quantity_text
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.results.result import mass_lines
@@ -39,8 +39,8 @@ from rsgen.law.notation import mathml
 from rsgen.law.numeric import compile_law
 from rsgen.report import page_tables as tables
 from rsgen.report.figures import Drawing
-from rsgen.report.figures.equivalent import backbone, evaluated, solution_of
-from rsgen.report.page_tables import NO_MODAL, Modal
+from rsgen.report.figures.equivalent import evaluated, share_along, smooth_backbone
+from rsgen.report.page_tables import NO_MODAL, Modal, harmonics_matter
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Entry, read_results
 from rsgen.report.wording import sentences
@@ -191,7 +191,7 @@ def page_context(
         "motion_formula": _formula(parse("X0 + X*sin(phi)")),
         "balance_formula": _formula(parse("k - m*omega**2")),
         "estimates_table": tables.estimate_table(identification),
-        "harmonics_matter": tables.harmonics_matter(identification),
+        "harmonics_matter": harmonics_matter(identification),
         "resonance_table": tables.resonance_table(identification),
         "modal_table": tables.modal_page_table(modal),
         "modal_remarks": [modal.reason] if modal.table is None else map(full_sentence, modal.table.findings),
@@ -214,7 +214,9 @@ def _verdict_context(
     """Return what a result is worth, what it means, and what warns of it."""
     verdict = verdict_of(identification, comparison, prediction)
     stated = sentences.state_verdict(verdict)
-    warnings = list(map(full_sentence, all_findings(identification, prediction)))
+    findings = all_findings(identification, prediction)
+    # what casts doubt before notes
+    warnings = list(map(full_sentence, sorted(findings, key=lambda one: one.severity == "info")))
     return {
         "state": verdict.state,
         "verdict": stated["headline"],
@@ -295,14 +297,15 @@ def resonance_course(identification: Identification) -> list[Finding]:
     numbers = quantities("m", amplitude_first=ends[0], amplitude_last=ends[1])
     numbers |= quantities("Hz", frequency_first=found.frequency[0], frequency_last=found.frequency[1])
     numbers |= quantities(ratio_first=found.damping_ratio[0], ratio_last=found.damping_ratio[1])
-    return [Finding("resonance-course", "info", numbers=numbers)]
+    order = {"order": "first"} if found.harmonics is None and harmonics_matter(identification) else {}
+    return [Finding("resonance-course", "info", numbers=numbers, names=order)]
 
 
 def _resonance(identification: Identification) -> Any:
     """Return the backbone of the law at the ends of the tested amplitudes; None where it is not known."""
     if any(element.across for element in identification.model.elements):
         return None
-    found = backbone(identification, solution_of(identification), np.array(identification.amplitude_range))
+    found = smooth_backbone(identification, np.array(identification.amplitude_range))
     return found if np.isfinite([found.omega, found.damping_ratio]).all() else None
 
 
@@ -324,16 +327,19 @@ def _course(
     result = evaluated(derive(element), amplitude, speed, own, np.where(np.isfinite(mean), mean, 0.0))
     if not np.isfinite([result.stiffness, result.damping]).all() and element.memory:
         return {}, {"states": ", ".join(element.memory)}
+    share = None if at is None or element.across else share_along(element.force, own, at)
+    names = {"order": "first"} if share is None and harmonics_matter(identification) else {}
     numbers = {"amplitude_first": Quantity(low, "m"), "amplitude_last": Quantity(high, "m")}
     numbers |= quantities("Hz", frequency=omega / (2 * np.pi)) if at is None else {}
     # an element has a share in stiffness or damping when it is not round-off of the whole
     size = float(np.nanmax(np.abs(identification.curve.stiffness), initial=0.0))
-    kinds = (("stiffness", "N/m", 1.0, result.stiffness), ("damping", "N*s/m", omega, result.damping))
-    for kind, unit, rate, value in kinds:
+    for kind, unit, rate in (("stiffness", "N/m", 1.0), ("damping", "N*s/m", omega)):
+        value = getattr(result, kind)
+        # harmonics move energy between elements, which makes no damper of a spring
         if np.isfinite(value).all() and np.abs(value).max() * rate > CANCELLATION_TOLERANCE * size:
-            for end, number in zip(("first", "last"), value.tolist(), strict=True):
+            for end, number in zip(("first", "last"), getattr(share or result, kind).tolist(), strict=True):
                 numbers[f"{kind}_{end}"] = Quantity(number, identification.curve.units.of(unit))
-    return numbers, {}
+    return numbers, names
 
 
 def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:
@@ -414,8 +420,13 @@ def _context(entry: Entry) -> dict[str, Any]:
         "reasons": [entry["code"].replace("-", " ") for entry in verdict["decided_by"]],
         "points": points["points"],
         "origin": points["origin"],
-        "warnings": len(entry.result.get("warnings", [])),
+        "remarks": [
+            count_text(number, noun)
+            for severity, noun in (("warning", "warning"), ("info", "note"))
+            if (number := sum(one["severity"] == severity for one in entry.result.get("findings", [])))
+        ],
         "disagreeing": [f["what"] for f in entry.result.get("printed", []) if not f["agrees"]],
+        "known": any(row["true"] is not None for row in entry.rows),
         "rows": [
             {
                 "name": FORCE_KEYS.get(row["name"], row["name"]),

@@ -22,7 +22,7 @@ from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord, score_points
 from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
-from rsgen.identification.results.result import HELD_OUT_SCALE
+from rsgen.identification.results.result import size_of_error
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.wording.sentences import error_text, sentence, share_text
 
@@ -255,7 +255,9 @@ def held_out_table(
         "Level": lambda item: quantity_text(item.level, item.level_unit),
         "Sweep": lambda item: _SWEEPS.get(item.sweep, item.sweep),
         "Points": lambda item: str(len(item.frequency)),
-        "Error, root mean square": lambda item: error_text(item.error),
+        "Error, root mean square": lambda item: Cell(
+            error_text(item.error), size_of_error(item) if usable else ""
+        ),
         "Largest error": lambda item: Cell(
             error_text(item.largest_error), f"at {quantity_text(item.largest_at, 'Hz', 5)}"
         ),
@@ -265,7 +267,7 @@ def held_out_table(
         columns["Error of the law at the points predicted"] = lambda item: error_text(_error_at(law, item))
     if not held_out:
         return None
-    said = f"; the misfit is {error_text(held_out[0].misfit)}" + (f": {HELD_OUT_SCALE}" if usable else "")
+    said = f"; the misfit is {error_text(held_out[0].misfit)}"
     return _tabulated(f"{caption}; errors {_RELATIVE}{said}", held_out, columns)
 
 

@@ -39,6 +39,13 @@ def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(table, law, curve):
     assert curve not in {finding.names["curve"] for finding in found if finding.code == "curve-negative"}
 
 
+def test_a_negative_damping_per_unit_mass_has_the_unit_of_one(table):
+    shaken = changed(table, force=table.force / MASS, base="acceleration", per_mass=True)
+    found = identify(shaken, "k*x + c*v + kn*x**3", fixed={"c": -2.0})
+    signs = [f for f in found.findings if f.code == "curve-negative"]
+    assert {f.names["curve"]: f.numbers["least"].unit for f in signs}["c(X)"] == "N*s/m/kg"
+
+
 @pytest.mark.parametrize("levels", [(0.53, 0.62), (0.53, 0.62, 0.68)])
 def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels):
     """At 1.06 times the friction a hundredth of the force moves the mass; at 1.24 it stops in every cycle."""

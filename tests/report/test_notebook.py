@@ -81,6 +81,11 @@ def test_texts_of_a_case_are_never_code(title):
         assert not any(line.lstrip().startswith(("!", "%", "?")) for line in source.splitlines())
 
 
+def test_the_notebook_says_that_its_curves_have_all_harmonics():
+    (cell,) = (cell for cell in build_notebook(cubic_case()).cells if cell.id == "about-prediction")
+    assert "the balance of all harmonics for $\\omega$; its first order is $F^2" in cell.source
+
+
 def test_only_the_public_interface_is_called():
     for loops, held_out in ((False, False), (True, True)):
         for source in code_cells(build_notebook(cubic_case(), loops=loops, held_out=held_out)):

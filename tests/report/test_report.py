@@ -2,10 +2,11 @@
 
 import json
 import re
+import shutil
 import unicodedata
 from ast import literal_eval
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
@@ -17,6 +18,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import rsgen
 from rsgen.analysis.comparison import Comparison
@@ -24,7 +27,7 @@ from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
 from rsgen.formula.printing import write
 from rsgen.formula.reading import parse
-from rsgen.identification.results import Estimate, Identification
+from rsgen.identification.results import Estimate, Identification, changed
 from rsgen.law.element import Element, make_element
 from rsgen.report import draw_all, write_index
 from rsgen.report import page_tables as tables
@@ -298,6 +301,17 @@ def test_table_of_results_is_stable(results):
     for row in entries[0].rows:
         row["true"] = row["relative_error"] = None
     measured = table_of_results(entries)
+    content = json.loads((results / "cubic" / "result.json").read_text())
+    content["parameters"], content["forces"] = entries[0].result["parameters"], entries[0].result["forces"]
+    findings = [Finding("note", one, names={"text": "text"}) for one in ("info", "info", "warning")]
+    content["findings"] = [finding.to_dict() for finding in findings]
+    (results / "cubic" / "result.json").write_text(result_text(content), encoding="utf-8")
+    shutil.rmtree(results / "odd #1")
+    write_index(results)
+    text = (results / "index.html").read_text(encoding="utf-8")
+    assert "; 1 warning and 2 notes" in text
+    assert "Table 1: identified values" in text
+    assert 'data-label="Error' not in text
     assert "| cubic |" not in measured
     assert f"`index.html` has those identified: cubic ({entries[0].verdict['state']})\n" in measured
 
@@ -356,12 +370,85 @@ def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tm
     assert "our lab" in page
 
 
+def free_frequency(rate: Callable[[float], float], amplitude: float) -> float:
+    """Return the frequency [Hz] of x'' + rate(x) = 0 whose fundamental has an amplitude [m], integrated."""
+
+    def swing(peak: float) -> tuple[float, float]:
+        def at_rest(_: float, y: Sequence[float]) -> float:
+            return y[0]
+
+        at_rest.terminal = True  # type: ignore[attr-defined]
+        quarter = solve_ivp(
+            lambda _, y: [y[1], -rate(y[0])], [0, 10], [peak, 0.0], events=at_rest, dense_output=True,
+            rtol=1e-10, atol=1e-15,
+        )  # fmt: skip
+        end = float(quarter.t_events[0][0])
+        time = (np.arange(2000) + 0.5) * end / 2000
+        return 2 * float(np.mean(quarter.sol(time)[0] * np.cos(np.pi / 2 / end * time))), 1 / (4 * end)
+
+    peak = brentq(lambda peak: swing(peak)[0] - amplitude, 0.8 * amplitude, 1.2 * amplitude, xtol=1e-12)
+    return swing(peak)[1]
+
+
 def test_the_page_says_the_resonance_at_both_ends_of_the_amplitudes():
     text = page(empty_drawings()).replace("\u202f", " ").replace("\u00a0", " ")
-    values, (low, high) = IDENTIFICATION.values, IDENTIFICATION.amplitude_range
-    ends = [(values["k1"] + 0.75 * values["kn1"] * x**2) / IDENTIFICATION.mass for x in (low, high)]
-    said = [f"{np.sqrt(square) / (2 * np.pi):.4g} Hz" for square in ends]
+    values, ends = IDENTIFICATION.values, IDENTIFICATION.amplitude_range
+    k, kn = (values[name] / IDENTIFICATION.mass for name in ("k1", "kn1"))
+    said = [f"{free_frequency(lambda x: k * x + kn * x**3, end):.4g} Hz" for end in ends]
     assert re.search(rf"resonance:</strong> {said[0]} at .*, {said[1]} at .*; damping ratio .* and ", text)
+
+
+def quintic() -> tuple[rsgen.ResponseSurface, Identification]:
+    """A test of the fundamental alone; one harmonic states its last resonance 1.4 % low."""
+    law = {"k": 31000.0, "c": 7.0, "k5": 9e14, "cq": 55.0}
+    plan = rsgen.SimulatedTest(level=[1, 3, 6, 10], frequency=np.arange(16.5, 27.1, 0.25), sweep="up")
+    elements = ("k*x + k5*x**5", "c*v + cq*v*abs(v)")
+    test = rsgen.simulate(rsgen.Oscillator(1.9, elements, law), plan)
+    seen = rsgen.ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1])
+    return seen, rsgen.identify(seen, elements, mass=1.9)
+
+
+def test_what_is_stated_and_drawn_has_all_harmonics_as_the_points_have_them():
+    _, found = quintic()
+    (course,), largest = resonance_course(found), found.amplitude_range[1]
+    frequency = free_frequency(lambda x: (31000 * x + 9e14 * x**5) / 1.9, largest)
+    assert course["frequency_last"] == pytest.approx(frequency, rel=2e-4)
+    spring, damper = (element_finding(element, found) for element in found.model.elements)
+    assert spring["stiffness_last"] == pytest.approx(1.9 * (2 * np.pi * frequency) ** 2, rel=1e-3)
+    damping = damper["damping_last"] / (4 * np.pi * 1.9 * frequency)
+    assert damping == pytest.approx(course["ratio_last"], rel=0.01)
+    assert "damping_last" not in spring.numbers
+    drawing = rsgen.figures.draw_collapse(found)
+    lines = {line.get_label(): line.get_xydata() for line in drawing.figure.axes[0].lines}
+    at, height = np.array(lines["refined model, 95 % band"]).T
+    place, stiffness = np.array(lines["levels at resonance"]).T
+    assert stiffness == pytest.approx(np.interp(place, at, height), rel=0.005)
+    assert drawing.caption.endswith("but for what the higher harmonics add far from the resonance.")
+
+
+def test_what_fundamentals_do_not_show_is_one_note_for_all_values():
+    _, found = quintic()
+    (said,) = (finding for finding in found.findings if finding.code == "even-terms-not-seen")
+    moved = {name.removeprefix("moved ") for name in said.numbers if name.startswith("moved ")}
+    assert {said.parameter, *moved} == {"c", "cq", "k5"}
+    assert all(f"{name} " in said.names["others"] for name in moved)
+    assert f" ({said.names['others']}), one twice" in sentence(said)
+
+
+def test_one_level_says_that_it_shows_nothing_of_others_and_states_no_value_per_level():
+    seen, _ = quintic()
+    found = rsgen.identify(seen.select(seen.level == 10), "k*x + k5*x**5 + c*v + cq*v*abs(v)", mass=1.9)
+    assert found.verdict.state == "identified"
+    assert np.isnan([one.value for one in found.paper]).all()
+    assert sentence(found.outcome).endswith("one level does not show whether the law holds at others")
+
+
+def test_warnings_stand_before_notes_under_the_headline():
+    notes = [Finding("note", "info", names={"text": f"note {i}"}) for i in range(4)]
+    warned = Finding("points-excluded", "warning", numbers={"excluded": 3, "points": 9, "all": 9})
+    text = page(empty_drawings(), changed(IDENTIFICATION, findings=(*notes, warned)))
+    box = text.partition('<div class="note">')[2].partition("</div>")[0]
+    assert re.findall(r"3 of 9 points|[Nn]ote \d", unicodedata.normalize("NFKC", box))[0] == "3 of 9 points"
 
 
 @pytest.mark.parametrize(("law", "truth", "said"), [

@@ -242,7 +242,8 @@ def _part_findings(fit: LineFit, errors: Errors, stated: Statement) -> list[Find
         found += damping_findings(one.law, motion, fit.values[one.parameters], stated.of_law)
         if fit.law.acts_across:
             # neither part can compensate a wrong sign of the other
-            found += signs_along(one, motion, fit.values, _basis(errors.regression), slice(1, None))
+            basis = _basis(errors.regression)
+            found += signs_along(one, motion, fit.values, basis, part.units, slice(1, None))
     return found
 
 

@@ -131,7 +131,7 @@ def draw_collapse(
     clouds = places(curve.amplitude, omega, curve.stiffness, curve.damping)
     levels = places(amplitude, 2 * np.pi * frequency, *values)
     lines, bands = (places(grid, model.omega, *of) for of in ((model.stiffness, model.damping), halves))
-    true = None if truth is None else equivalent.backbone(identification, truth, grid)
+    true = None if truth is None else equivalent.smooth_backbone(identification, grid, truth)
     truths = None if true is None else places(grid, true.omega, true.stiffness, true.damping)
     force = choose_scale(curve.level, curve.level_unit)
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
@@ -146,7 +146,7 @@ def draw_collapse(
         _draw_points(axes, place / wide, cloud / y.factor, curve.level / force.factor, norm)
         at, heights = levels[i]
         axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
-        _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor)
+        _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, model.harmonics is None)
         drawn = [cloud / y.factor, line / y.factor]
         if truths is not None:
             course, line = truths[i]
@@ -161,13 +161,14 @@ def draw_collapse(
     for axes in panels[1:]:
         axes.set_xlabel(scales[1].label("Velocity amplitude ωX" if speed else "Amplitude X"))
     drawing.colour_bar(panels[0], norm, force.label(_LEVELS.get(curve.level_unit, "Level")))
+    where = " far from the resonance" * (model.harmonics is not None)
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
-        "higher harmonics add."
+        f"higher harmonics add{where}."
     )
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
-    if not (joint or compile_law(law).odd):
+    if model.harmonics is None and not (joint or compile_law(law).odd):
         caption += " The law is not the same on both sides: its second harmonic, which the line has not, "
         caption += "moves the points to one side of it."
     return drawing.Drawing("collapse", figure, caption, ax is None)
@@ -187,11 +188,12 @@ def _draw_points(axes: Axes, place: Array, height: Array, level: Array, norm: No
     )
 
 
-def _draw_model(axes: Axes, place: Array, height: Array, half: Array) -> None:
+def _draw_model(axes: Axes, place: Array, height: Array, half: Array, first_order: bool) -> None:
     """Draw the curve of the refined model with its band."""
+    name = "refined model to first order" if first_order else "refined model"
     axes.fill_between(place, height - half, height + half, color="#D55E00", alpha=0.18, lw=0)
     look = {**drawing.REFINED, "lw": 1.1}
-    axes.plot(place, height, label=f"refined model, {CONFIDENCE_TEXT} band", **look)
+    axes.plot(place, height, label=f"{name}, {CONFIDENCE_TEXT} band", **look)
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:

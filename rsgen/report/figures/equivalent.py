@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import sympy
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array
+from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS, POINTS_PER_KNOT, interval_sigmas
 from rsgen.data.free_mode import estimate_mass, steady
@@ -21,9 +22,9 @@ from rsgen.describing.function import DescribingFunction, Equivalent
 from rsgen.formula.names import remembers, symbol
 from rsgen.formula.units import choose_scale, number_text
 from rsgen.identification.prediction.amplitude_balance import balance_of
-from rsgen.identification.results import Identification, MultisineIdentification
+from rsgen.identification.results import Identification, MultisineIdentification, changed
 from rsgen.law.memory import with_equations
-from rsgen.law.motion import Motion, cycle_work
+from rsgen.law.motion import Motion, cycle_work, project
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures.drawing import POINTS, REFINED, Drawing, GivenAxes, in_style, take_axes
 
@@ -32,7 +33,8 @@ from rsgen.report.figures.drawing import POINTS, REFINED, Drawing, GivenAxes, in
 class Backbone:
     """Equivalent properties along the resonance of a model; every array (n,).
 
-    ``amplitude`` X [m], ``omega`` [rad/s], ``stiffness`` [N/m], ``damping`` [N s/m].
+    ``amplitude`` X [m], ``omega`` [rad/s], ``stiffness`` [N/m], ``damping`` [N s/m]; ``harmonics`` (n, K+1)
+    [m] of the motions, None to first order.
     """
 
     amplitude: Array
@@ -40,6 +42,7 @@ class Backbone:
     stiffness: Array
     damping: Array
     mass: float
+    harmonics: ComplexArray | None = None
 
     @property
     def frequency(self) -> Array:
@@ -141,21 +144,51 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     return Backbone(amplitude, omega, stiffness, result.damping, mass)
 
 
-def measured_backbone(identification: Identification, amplitude: Array) -> Backbone:
-    """Return the backbone of the refined model as points show it: their motion has higher harmonics.
+def measured_backbone(
+    identification: Identification, amplitude: Array, values: Mapping[str, float] | None = None
+) -> Backbone:
+    """Return the backbone as points show it: their motion has higher harmonics. ``values`` are the refined.
 
     A multisine has no motion of one amplitude: its modal table is of sines, as the describing functions are.
+    Nor has a motion across two sensors that was not measured.
     """
-    found = backbone(identification, solution_of(identification), amplitude)
-    if isinstance(identification, MultisineIdentification) or not np.isfinite(found.omega).all():
+    values = solution_of(identification) if values is None else values
+    found, multisine = backbone(identification, values, amplitude), MultisineIdentification
+    one_motion = not (isinstance(identification, multisine) or identification.model.sensors)
+    if not (one_motion and np.isfinite(found.omega).all()):
         return found
-    balance, harmonics = balance_of(identification), None
+    names = sorted(identification.model.parameters)
+    solution = np.array([values[name] for name in names])
+    balance, harmonics = balance_of(changed(identification, solution=solution)), None
     for _ in range(2):  # as above
         stiffness, damping, harmonics = balance.equivalent(amplitude, found.omega, harmonics)
         with np.errstate(invalid="ignore"):
             omega = np.sqrt(stiffness / found.mass)
-        found = replace(found, omega=omega, stiffness=stiffness, damping=damping)
+        found = replace(found, omega=omega, stiffness=stiffness, damping=damping, harmonics=harmonics)
     return found
+
+
+def smooth_backbone(
+    identification: Identification, amplitude: Array, values: Mapping[str, float] | None = None
+) -> Backbone:
+    """Return ``measured_backbone``; to first order of a law that jumps or remembers.
+
+    At small amplitudes such a law holds the mass for a part of the cycle at resonance, and off it, where the
+    points of such amplitudes lie, it does not.
+    """
+    law = compile_law(identification.model.force)
+    if not (law.jumps or law.remembers):
+        return measured_backbone(identification, amplitude, values)
+    return backbone(identification, solution_of(identification) if values is None else values, amplitude)
+
+
+def share_along(force: sympy.Expr, values: Mapping[str, float], of: Backbone) -> Equivalent | None:
+    """Return the share of a part of the law in a backbone with harmonics; None of one to first order."""
+    if of.harmonics is None:
+        return None
+    law, motion = compile_law(force), Motion(of.omega, of.harmonics)
+    share = project(law.along(motion, law.ordered(values), SAMPLES).force, 1) / of.amplitude
+    return Equivalent(share.real, share.imag / of.omega, of.harmonics[:, 0].real)
 
 
 def refined_band(identification: Identification, amplitude: Array) -> tuple[Backbone, Array, Array]:
@@ -170,7 +203,7 @@ def refined_band(identification: Identification, amplitude: Array) -> tuple[Back
         return model, np.array([model.stiffness, model.damping])
 
     values, covariance = solution_of(identification), identification.covariance
-    model, centre = evaluate(values)
+    centre, model = evaluate(values)[1], smooth_backbone(identification, amplitude)
     count = len(identification.refined)
     if covariance.shape != (count, count):
         return model, *np.zeros(centre.shape)
