@@ -542,8 +542,12 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     # units that were not stated, of all files in one note
     default = dict.fromkeys(text for found in findings if (text := found.names.get("default")))
     stated = [found for found in findings if "default" not in found.names]
-    if default:
-        stated.append(Finding("unit-of-file", "info", names={"default": ", ".join(default)}))
+    hertz = [text for text in default if text.endswith(" in Hz")]
+    amounts = [text for text in default if text not in hertz]
+    if amounts:
+        stated.append(Finding("unit-of-file", "doubt", names={"default": ", ".join(amounts)}))
+    if hertz:
+        stated.append(Finding("unit-of-file", "info", names={"default": ", ".join(hertz)}))
     return replace(table, findings=tuple(stated))
 
 

@@ -130,7 +130,7 @@ def misfit_findings(
         severity = severity if "levels" in names or rejected else "doubt"
     known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
     most = min(left_by_term, MISFIT_EXPLAINED) if rejected else left_by_term
-    if known and not surface.decays and (fixed := _contradicted(fit, most)):
+    if known and not surface.decays and (fixed := _contradicted(surface, fit, most)):
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
@@ -163,7 +163,7 @@ def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[
     patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
     misfit = fit.regression.rms_misfit
     # the forces of a free decay are those of the given mass
-    found = [] if surface.decays else _contradicted(fit, misfit)
+    found = [] if surface.decays else _contradicted(surface, fit, misfit)
     if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL):
         severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
         found.append(Finding("misfit-large", severity, numbers=quantities(misfit=misfit)))
@@ -282,13 +282,13 @@ def consequences(fit: Fit, name: str) -> set[str]:
     return converged if agreement.findings else {*converged, "parts-disagree"}
 
 
-def _contradicted(fit: Fit, left: float) -> list[Finding]:
+def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Finding]:
     """Find fixed values that the points contradict: another takes up the misfit, more than a term does.
 
     Parameters
     ----------
-    fit
-        What is judged.
+    surface, fit
+        What is judged. The kilogram of a force per mass is no value that was given.
     left
         The misfit that the best term would leave.
     """
@@ -302,6 +302,8 @@ def _contradicted(fit: Fit, left: float) -> list[Finding]:
     )
     found = []
     for name, given in problem.fixed.items():
+        if name == "m" and surface.per_mass:
+            continue
         free = _freed(problem, start, name).regression
         place, best = names.index(name), free.rms_misfit
         leaves = size * best / whole if whole > 0 else np.inf

@@ -66,7 +66,7 @@ def test_check_says_that_a_mass_has_another_unit_than_force_and_response(tmp_pat
     for mass, said in (("1500 kg", True), ("1.5 kg", False)):
         path.write_text(text.replace("[[element]]", given.replace("1.5 kg", mass) + "[[element]]", 1))
         assert ("doubt: with m = 1.5 kg in place of the given 1500 kg" in run_cli("check", path).out) == said
-    # one word for what is no doubt, on page and terminal
+    # a unit that stands nowhere is a doubt
     text = (
         path.read_text(encoding="utf-8")
         .replace('unit        = "g"\n', "")
@@ -74,7 +74,9 @@ def test_check_says_that_a_mass_has_another_unit_than_force_and_response(tmp_pat
     )
     (tmp_path / "table.csv").write_text(Path(table).read_text().replace("acceleration_peak_g", "a"))
     path.write_text(text)
-    assert "  note: no unit stands in the case or the file" in run_cli("check", path).out
+    said = run_cli("check", path).out
+    assert "  doubt: no unit stands in the case or the file" in said
+    assert "12.5 Hz, read as sweep up (rows ascend)" in said
 
 
 def test_a_doubt_is_no_note(tmp_path, run_cli):

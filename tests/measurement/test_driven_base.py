@@ -67,6 +67,41 @@ def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mi
             assert finding.names["response"] == recorded
 
 
+@pytest.mark.parametrize("recorded", ["absolute", "relative"])
+def test_swapped_amplitudes_beside_a_phase_are_named_and_no_mass_is(tmp_path, recorded):
+    # the phase of the response, from the base, has a column of its own and stays where it is
+    frequency, level = np.tile(np.linspace(11, 22, 30), 2), np.repeat([0.3, 1.0], 30)
+    omega = 2 * np.pi * frequency
+    z = level * 1e-3 / (1 - (frequency / 17) ** 2 + 0.15j)
+    base = -(1e4 + 0.75 * 2.5e9 * np.abs(z) ** 2 + 2j * omega - omega**2) * z
+    seen = -(omega**2) * z + (base if recorded == "absolute" else 0)
+    columns = [frequency, level, np.abs(base), np.abs(seen), np.angle(seen / base, deg=True)]
+    np.savetxt(tmp_path / "a.csv", np.column_stack(columns), delimiter=",", fmt="%.12g")
+
+    def read(first: int, second: int, sense: str) -> rs.ResponseSurface:
+        about = {"quantity": "acceleration", "unit": "m/s^2"}
+        said = {"test.base": {**about, "amplitude": first, "response": recorded}}
+        said["test.response"] = {**about, "amplitude": second, "phase": 5, "phase_sense": sense}
+        path = write_small(tmp_path, "base", {**CASE, **said})
+        return rs.read(rs.load_case(path))
+
+    assert "base-misread" not in codes(read(3, 4, "lead"))
+    (found,) = (f for f in read(3, 4, "lag").findings if f.code == "base-misread")
+    assert (found.names["is"], found.names["sign"]) == ("sense-response", "negative")
+    assert "k(X) or c(X) is negative" in rs.sentence(found)
+    assert "%" not in rs.sentence(found)
+    swapped = read(4, 3, "lead")
+    (found,) = (f for f in swapped.findings if f.code == "base-misread")
+    assert found.names["is"] == "amplitudes-swapped"
+    asked = rs.identify(swapped, "k*x + k3*x**3 + c*v")
+    assert asked.verdict.state == "rejected"
+    assert "fixed-contradicted" not in codes(asked)
+
+
+def codes(found: rs.ResponseSurface | rs.Identification) -> set[str]:
+    return {finding.code for finding in found.findings}
+
+
 def test_a_reversed_base_below_a_stop_is_named_as_reversed():
     # the largest motion of a spring with a stop at 0.35 mm, per unit mass; powers of the amplitude miss it
     # by 2 %; an exchanged response, so small that any law fits it, looked best, and then another quantity

@@ -116,8 +116,10 @@ def test_units_that_nobody_wrote_are_named_once(tmp_path):
     paths = tuple(text(tmp_path / name, "f,F,x_mm\n1,2,3\n2,2,4\n") for name in ("a.csv", "b.csv"))
     signals, level = (Channel(amplitude="F"), Channel(amplitude="x_mm")), LevelRule(values=(1, 2))
     test = MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, level=level)
-    (said,) = (one for one in read_measurement(test).findings if "default" in one.names)
-    assert "as F in N, f in Hz: all values scale with them" in sentence(said)
+    force, frequency = (one for one in read_measurement(test).findings if "default" in one.names)
+    assert "as F in N: all values scale with them" in sentence(force)
+    # a unit that nobody wrote is as doubtful as one that a draft asks for; frequencies mostly are in Hz
+    assert (force.severity, frequency.severity, frequency.names["default"]) == ("doubt", "info", "f in Hz")
     written = replace(test, force=Channel(amplitude="F", unit="N"), frequency_unit="Hz")
     assert not [one for one in read_measurement(written).findings if "default" in one.names]
 

@@ -129,7 +129,7 @@ def _describe(plan: dict[str, Any]) -> str:
         orders = {"up": "ascend", "down": "descend"}
         order = " and ".join(orders[name] for name in plan["sweeps"] if name in orders)
         rows = f" (rows {order})" if order and plan.get("sweeps_recognised") else ""
-        sweeps = f"{'taken for a ' * bool(rows)}sweep {', '.join(plan['sweeps'])}{rows}"
+        sweeps = f"{'read as ' * bool(rows)}sweep {' and '.join(plan['sweeps'])}{rows}"
         what = f"{plan['points']} {plan['kind']} points at {levels}, {band}, {sweeps}"
         if "periods" in plan:
             records = f"{plan['records']} records of {plan['periods']} periods"

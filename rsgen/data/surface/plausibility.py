@@ -371,7 +371,10 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
             "sense-response": (base, np.conj(response), absolute),
             "sense-base": (np.conj(base), response, absolute),
             "sense-both": (np.conj(base), np.conj(response), absolute),
-        } | readings
+            **readings,
+            # phases, of the response to the base, have columns of their own
+            "amplitudes-swapped": (np.conj(response), np.conj(base), absolute),
+        }
     fits = {name: _fit(*reading, omega, powers) for name, reading in readings.items()}
     sound = {name: left for name, (left, positive) in fits.items() if positive and left < MISFIT_EXPLAINED}
     # next to the inertia of the base any law fits an exchanged response, which is far too small
@@ -387,6 +390,8 @@ def base_findings(surface: ResponseSurface, *, absolute: bool, senses: bool) -> 
         return ()
     numbers = {"misfit": Quantity(misfit), "then": Quantity(sound[best])}
     names = {"is": best, "response": "relative" if absolute else "absolute"}
+    if not passive and sound[best] > _MAX_MISFIT_RATIO * misfit:
+        names["sign"] = "negative"
     return (Finding("base-misread", "error", "", numbers, names),)
 
 

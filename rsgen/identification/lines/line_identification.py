@@ -260,6 +260,9 @@ def _fixed_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     least = max(MIN_SIGNIFICANT_GAIN, *(term.gain for term in errors.others.kinds["term"].values()))
     found, misfit = [], fit.misfit
     for name, free in fit_fixed_parameters(fit).items():
+        if name == "m" and fit.lines.spectra.per_mass:
+            # the kilogram of a force per mass is no value that was given
+            continue
         fixed = fit.fixed[name]
         if free.gain >= least and abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed):
             left, times = misfit * _share_left(fit, free), float(np.sqrt(free.gain))
