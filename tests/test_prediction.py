@@ -148,6 +148,10 @@ def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
         (said,) = (f for f in predicted.findings if f.code == "prediction-extrapolated")
         assert said["error"] == found.held_out[0].error
         assert "nothing is known" not in sentence(said)
+    # up to the motion of the held-out level the law is known by its score
+    (between,) = predict(found, [0.9 * highest]).findings
+    assert (between["held"], between["error"]) == (highest, found.held_out[0].error)
+    assert "the held-out level of" in sentence(between)
     (beyond,) = predict(found, [2 * highest]).findings
     assert "nothing is known" in sentence(beyond)
 

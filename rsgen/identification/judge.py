@@ -91,6 +91,7 @@ from rsgen.identification.soundness import (
     gain_findings,
     joint_findings,
     limit_findings,
+    name_exchanged,
     nearly_held,
     repeats_finding,
     shown_by_few,
@@ -335,7 +336,9 @@ class Findings:
         found += limit_findings(self.surface.findings, self.fit)
         if not (self.fit.regression.converged or misread):
             # where the steps ended says nothing of the best values, nor do the errors there
-            found.append(Finding("not-converged", "doubt"))
+            exchanged = [f.parameter for f in of_parameters if "mirror" in f.names]
+            names = {"exchanged": " and ".join(exchanged)} if exchanged else {}
+            found.append(Finding("not-converged", "doubt", names=names))
         others = self.errors.others
         found += misfit_findings(self.surface, self.points, self.fit, wider, others)
         found += even_findings(self.fit)
@@ -428,6 +431,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     if law.nonlinear:
         # the sum of squares of other laws is nearly quadratic
         stated = replace(stated, refined=rsgen.identification.with_profiles(refined, stated.refined))
+    stated = replace(stated, refined=name_exchanged(refined, errors.regression, stated.refined))
     first = _FirstOrder.of(kept, refined)
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     background = _background(refined, errors.with_background, surface.units, resonances)

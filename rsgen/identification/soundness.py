@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,19 +32,24 @@ from rsgen.common.tolerances import (
     STANDARD_ERRORS_OF_DIFFERENCE,
     SUBSAMPLE_POINTS,
     TRIAL_POINTS,
+    interval_sigmas,
     samples_for,
 )
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
+from rsgen.formula.names import symbol
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.fitting.repeats import Repeats
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings, takes_energy
+from rsgen.identification.starting.start import records_even
+from rsgen.law.character import mirror_exchanges
 from rsgen.law.motion import Motion, project, sine_motion, waveform
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, Part
@@ -230,6 +236,37 @@ def shown_by_few(fit: Fit) -> dict[str, Finding]:
                 others = {"with": ", ".join(other for other in only if other != name)}
                 found[name] = Finding("confounded", "warning", name, names=others)
     return found
+
+
+def name_exchanged(fit: Fit, found: Regression, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
+    """Say of two parameters that the mirror image of the law exchanges that their mean alone is seen.
+
+    Where they are nearly equal, fundamentals show the square of their difference: to first order either has
+    no value, however well the mean is known.
+
+    Parameters
+    ----------
+    fit, found
+        What was fitted, and its regression with all errors.
+    estimates
+        Of its parameters; two of one unit without a value are asked.
+    """
+    law, reasons = fit.problem.law, dict[str, Finding]()
+    if law.odd or law.remembers or law.acts_across or records_even(fit.problem):
+        return tuple(estimates)
+    names = np.array([*law.parameters, "m"])
+    for one, other in combinations([e for e in estimates if e.finding is not None and e.name != "m"], 2):
+        half = np.isin(names, (one.name, other.name)) / 2
+        mean, basis = float(half @ found.parameters), half @ found.basis * found.sigma
+        off = interval_sigmas(found.freedom) * float(np.linalg.norm(basis))
+        pair = symbol(one.name), symbol(other.name)
+        if one.unit == other.unit and off < abs(mean) and mirror_exchanges(law.expression, *pair):
+            ends = {"low": mean - off, "high": mean + off} if found.converged else {}
+            numbers = quantities(one.unit, combined=mean, **ends)
+            said = {"mirror": "yes", "combination": f"({one.name} + {other.name})/2"}
+            for this, partner in ((one.name, other.name), (other.name, one.name)):
+                reasons[this] = Finding("confounded", "warning", this, numbers, {"with": partner, **said})
+    return tuple(replace(e, finding=reasons.get(e.name, e.finding)) for e in estimates)
 
 
 def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:

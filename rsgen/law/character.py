@@ -511,3 +511,17 @@ def is_mirrored(
             if not np.all(difference <= CANCELLATION_TOLERANCE * largest):
                 return False
     return True
+
+
+def mirror_exchanges(force: sympy.Expr, one: sympy.Symbol, other: sympy.Symbol) -> bool:
+    """Decide whether the mirror image of a law without a memory is the law with two parameters exchanged.
+
+    That is where the sum of both laws is odd, and their difference even.
+    """
+    moving = (symbol("x"), symbol("v"))
+    parameters = sorted(force.free_symbols - {*moving}, key=str)
+    exchanged = force.xreplace({one: other, other: one})
+    return all(
+        is_mirrored(both, moving, parameters, sign)
+        for both, sign in ((force + exchanged, -1.0), (force - exchanged, 1.0))
+    )

@@ -5,7 +5,7 @@ The error of a prediction is |predicted - measured|/|measured|, in root mean squ
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, nan
 from typing import Any
@@ -142,6 +142,20 @@ class HeldOutLevel(Brief):
     def __post_init__(self) -> None:
         freeze(self, ("frequency",))
         freeze(self, ("measured", "predicted"), np.complex128)
+
+
+def known_beyond(held_out: Sequence[object], force: float, amplitude: float) -> dict[str, Quantity]:
+    """Return the error of what was held out at a force [N], else above and up to an amplitude [m]."""
+    scored = [(one, one.force / force) for one in held_out if isinstance(one, HeldOutLevel)]
+    near = [one for one, ratio in scored if abs(ratio - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
+    if near:
+        return quantities(error=max(one.error for one in near))
+    above = [one for one, ratio in scored if ratio > 1]
+    above = [o for o in above if np.abs(o.measured[np.isfinite(o.predicted)]).max(initial=0.0) >= amplitude]
+    if not above:
+        return {}
+    held = Quantity(above[0].level, above[0].level_unit)
+    return {"held": held, **quantities(error=max(one.error for one in above))}
 
 
 def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:

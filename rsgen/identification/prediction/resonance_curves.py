@@ -47,6 +47,7 @@ from rsgen.identification.prediction.prediction_result import (
     Prediction,
     ResonanceCurve,
     choose_levels,
+    known_beyond,
     missed_findings,
     missing_findings,
     score_points,
@@ -335,9 +336,9 @@ def _findings(
         if run is not None and (beyond or curve.rises_at_end):
             short.append(_compare_peaks(found, balance, curve, run, numbers))
         elif beyond:
-            scored = ((one.error, getattr(one, "force", nan)) for one in held_out or found.held_out)
-            near = [e for e, force in scored if abs(force / curve.force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
-            numbers |= quantities(error=max(near)) if near else {}
+            numbers |= known_beyond(
+                held_out or found.held_out, curve.force, float(np.nanmax(curve.amplitude))
+            )
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
