@@ -403,3 +403,15 @@ def test_a_pickled_law_is_no_modal_table(law):
         named = [(finding.code, dict(finding.names)) for finding in prediction.findings]
         assert ("prediction-extrapolated", {"by": "table"}) not in named
         assert any(code == "prediction-extrapolated" for code, _ in named)
+
+
+def test_of_a_curve_that_the_band_cuts_the_largest_amplitude_is_not_stated():
+    """The end of the band was stated as the largest amplitude, with an interval."""
+    law, values = "k*x + c*v + k3*x**3", {"k": 8800.0, "c": 2.0, "k3": 2.2e8}
+    test = SimulatedTest([0.1, 0.2], np.linspace(18, 20, 41), method="harmonic-balance")
+    table = simulate(Oscillator(0.62, law, values), test)
+    prediction = predict_shown(table, identify(table, law, Observation(predict=(3.0,))))
+    (said,) = (finding for finding in prediction.findings if finding.code == "level-predicted")
+    assert prediction[3.0].rises_at_end
+    assert set(said.numbers) == {"level", "at", "reached"}
+    assert "its peak is not known, beyond the amplitudes that were tested" in sentence(said)

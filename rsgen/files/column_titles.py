@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from rsgen.common.errors import RsgenError
@@ -60,12 +61,25 @@ def unit_doubts(
             )
         except RsgenError:
             # a title may end like a unit of something else; volts are what a sensor gives without its factor
-            if title in _VOLTAGES and channel.unit not in _VOLTAGES:
+            volts = title in _VOLTAGES and channel.unit not in _VOLTAGES
+            if volts or (titles[column].rstrip()[-1:] in _BRACKETS and _is_of_signal(title)):
                 found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
             continue
         if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
             found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
     return found
+
+
+_SIGNALS = ("N", "m", "m/s", "m/s^2", "m/N", "m/s/N", "m/s^2/N")
+
+
+def _is_of_signal(unit: str) -> bool:
+    """Return True for a unit of a force, a motion, or one over the other."""
+    for target in _SIGNALS:
+        with suppress(RsgenError):
+            quantity(f"1 {sensor_unit(unit, target)}", target)
+            return True
+    return False
 
 
 _NAMED = r"(?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)"

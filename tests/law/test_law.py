@@ -157,7 +157,13 @@ DAMPER = Element("damper", c * v, ("c",))
 def test_a_model_has_no_place_for_values():
     # laws, what is known beforehand, and facts about the test: nothing that truth could hide in
     assert {f.name for f in fields(Model)} == {"elements", "observation", "fixed"}
-    assert {f.name for f in fields(Observation)} == {"background", "hold_out", "band", "calibrated"}
+    assert {f.name for f in fields(Observation)} == {
+        "background",
+        "hold_out",
+        "predict",
+        "band",
+        "calibrated",
+    }
     assert Model((SPRING, DAMPER)).parameters == ("c", "k")
 
 

@@ -92,6 +92,20 @@ def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path, title):
         assert surface.frequency[0] == pytest.approx(first)
 
 
+@pytest.mark.parametrize(("title", "unit", "quantity", "doubted"), [
+    ("a [g]", "m/s", "velocity", True), ("H (m/s2/N)", "m", "displacement", True),
+    ("a [m/s^2]", "m/s^2", "acceleration", False), ("tip (t)", "m", "displacement", False),
+])  # fmt: skip
+def test_a_quantity_that_the_title_contradicts_is_doubted(tmp_path, title, unit, quantity, doubted):
+    """An acceleration in g was read as a velocity without a word, and identified with another law."""
+    path = text(tmp_path / "a.csv", f"f_Hz,F_N,{title}\n1,1,2\n2,1,3\n")
+    plan = MeasuredTest(
+        path, 1, Channel(amplitude="F_N"), Channel(amplitude=title, unit=unit), quantity, phase_known=False
+    )
+    codes = [finding.code for finding in read_measurement(plan).findings if finding.severity == "doubt"]
+    assert codes == ["unit-contradicts-title"] * doubted
+
+
 def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
     path = text(tmp_path / "a.csv", "f_kHz,F_mN,x_mm\n1,2,3\n2,2,4\n")
     signals = Channel(amplitude="F_mN"), Channel(amplitude="x_mm")

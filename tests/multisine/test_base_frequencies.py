@@ -119,8 +119,8 @@ def histories(seed: int = 0) -> list[TimeHistory]:
 
 CASE = {
     **MEASURED, "element": [{"name": "all", "force": LAW}], "test.file": ["3.csv", "5.csv", "8.csv"],
-    "test.excitation": "multisine", "test.time": {"column": "t"}, "test.force": {"samples": "f"},
-    "test.response": {"quantity": "displacement", "samples": "x"},
+    "test.excitation": "multisine", "test.time": {"column": "t"}, "test.force": {"samples": "f", "unit": "N"},
+    "test.response": {"quantity": "displacement", "samples": "x", "unit": "m"},
     "test.level": {"values": ["3 N", "5 N", "8 N"]}, "identify": {"hold_out": ["5 N"]},
 }  # fmt: skip
 

@@ -22,8 +22,8 @@ LEVELS = (1.0, 4.0, 8.0)
 CASE = {
     **MEASURED, "title": "A <b>multisine</b>", "element": [{"name": "all", "force": LAW}],
     "test.file": ["level1.csv", "level4.csv", "level8.csv"], "test.excitation": "multisine",
-    "test.time": {"column": "t"}, "test.force": {"samples": "f"},
-    "test.response": {"quantity": "displacement", "samples": "x"},
+    "test.time": {"column": "t"}, "test.force": {"samples": "f", "unit": "N"},
+    "test.response": {"quantity": "displacement", "samples": "x", "unit": "m"},
     "test.level": {"values": ["1 N", "4 N", "8 N"]}, "identify": {"hold_out": ["4 N"]},
 }  # fmt: skip
 

@@ -15,6 +15,7 @@ import numpy as np
 import rsgen
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict
+from rsgen.data.record_set import QUANTITIES
 from rsgen.dynamics.virtual_test import add_noise
 from tests.case_files import MEASURED, Changes, law, write_small
 from tests.oracles.swept import driven
@@ -82,6 +83,8 @@ class Laboratory:
             folder / "table.csv", table, fmt="%.9g", delimiter=",", header=",".join(self.heads), comments=""
         )
         read = {f"test.{name}": keys for name, keys in self.test.items()}
+        response = self.test["response"]
+        read["test.response"] = {"unit": QUANTITIES[str(response["quantity"])], **response}
         return write_measured(folder, self.laws, {"test.file": "table.csv"} | read | self.further)
 
 
@@ -105,8 +108,8 @@ class Record:
             "test.excitation": self.excitation,
             "test.time": {"rate": self.rate},
         }
-        samples["test.response"] = {"quantity": "displacement", "samples": "displacement"}
-        driven_by = {"test.force": {"samples": "force"}, "test.level": {"value": "6 N"}}
+        samples["test.response"] = {"quantity": "displacement", "samples": "displacement", "unit": "m"}
+        driven_by = {"test.force": {"samples": "force", "unit": "N"}, "test.level": {"value": "6 N"}}
         known = {"system": {"mass": self.mass}} if ring else driven_by
         return write_measured(folder, self.laws, samples | known | self.further)
 

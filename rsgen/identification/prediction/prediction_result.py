@@ -51,7 +51,8 @@ class ResonanceCurve(Brief):
     phase
         (k,) lag of displacement behind force [rad].
     stable
-        (k,) False on the branch between two folds.
+        (k,) False on the branch between two folds. Motions whose period doubles, as next to a stop on one
+        side, are not looked for.
     extrapolated
         (k,) True where the amplitude is outside the tested range, or the frequency far outside.
     lower, upper

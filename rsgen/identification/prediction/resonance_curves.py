@@ -565,10 +565,14 @@ def _largest(curve: ResonanceCurve, base: str) -> Finding:
     if len(curve.frequency):
         top = int(np.nanargmax(curve.amplitude))
         low, size, high = (float(of[top]) for of in (curve.lower, curve.amplitude, curve.upper))
-        numbers |= quantities("m", amplitude=size) | quantities("Hz", at=float(curve.frequency[top]))
-        numbers |= quantities("m", low=low, high=high) if low < high else {}
+        numbers |= quantities("Hz", at=float(curve.frequency[top]))
+        if curve.rises_at_end:
+            numbers |= quantities("m", reached=size)
+        else:
+            numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
     jumps = ", ".join(f"{at:.5g}" for at in sorted(curve.folds[:, 0]))
-    said = {"base": base, "jumps": jumps}
+    beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
+    said = {"base": base, "jumps": jumps, "beyond": beyond}
     return Finding(
         "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
     )

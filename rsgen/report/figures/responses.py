@@ -122,6 +122,9 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     return Drawing("responses", figure, caption, ax is None)
 
 
+_UNSTABLE = "dashed parts are unstable; a doubling of the period is not looked for"
+
+
 def _responses_caption(
     surface: ResponseSurface,
     shown: ResponseSurface,
@@ -133,13 +136,13 @@ def _responses_caption(
     if surface.response_held:
         return (
             "Frequency responses at constant force: points read off the test, which held X, lines as "
-            "predicted by the refined model; dashed parts are unstable."
+            f"predicted by the refined model; {_UNSTABLE}."
         )
     sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (
         f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)})"
-        f"{', lines as predicted by the refined model; dashed parts are unstable' if lines else ''}."
+        f"{f', lines as predicted by the refined model; {_UNSTABLE}' if lines else ''}."
     )
     forces = [(curve.level, level) for level, curve in predicted.items() if not surface.base]
     force, level = max(forces, key=lambda pair: abs(pair[0] / pair[1] - 1), default=(1.0, 1.0))
