@@ -6,6 +6,7 @@ files with their content, so that they read on the web site of a repository as i
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import tempfile
@@ -15,6 +16,7 @@ from unittest import mock
 
 import rsgen
 from rsgen.app.cli.application import COMMANDS
+from rsgen.cases.case import case_schema
 from rsgen.report.figures import draw_derivation
 from rsgen.report.figures.drawing import new_figure, project_style
 
@@ -106,9 +108,11 @@ def _draw_sheet(name: str, titles: list[str], columns: int, draw: Callable[..., 
 
 
 def main() -> None:
-    """Write every page anew, and the pictures of laws and gallery."""
+    """Write every page anew, the JSON Schema of the cases, and the pictures of laws and gallery."""
     for path in pages():
         path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8", newline="\n")
+    schema = json.dumps(case_schema(), indent=2)
+    (ROOT / "cases" / "case.schema.json").write_text(f"{schema}\n", encoding="utf-8", newline="\n")
     laws = rsgen.laws
     _draw_sheet(
         "laws.png",

@@ -14,7 +14,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
-from rsgen.common.tolerances import ROUND_OFF, interval_sigmas
+from rsgen.common.tolerances import CONFIDENCE_TEXT, ROUND_OFF, interval_sigmas
 from rsgen.data.oscillator import Oscillator
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
@@ -428,9 +428,9 @@ def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
 
 
 _ABOUT_ROWS = (
-    "parameters: value (95 % interval); shift: from the first fit, in standard errors of a difference; "
-    "misfit: of force and response, held-out error: of the response, both relative; significance: how many "
-    "standard errors of the noise an alternative stands out"
+    f"parameters: value ({CONFIDENCE_TEXT} interval); shift: from the first fit, in standard errors of a "
+    "difference; misfit: of force and response, held-out error: of the response, both relative; "
+    "significance: how many standard errors of the noise an alternative stands out"
 )
 
 

@@ -74,8 +74,8 @@ class Observation:
     )
     hold_out: tuple[Annotated[float, Rule(unit="N")], ...] = declare(
         (),
-        "Nominal levels that identification must not see, by their labels where these are no amounts; "
-        "prediction is scored on them.",
+        "Levels that identification must not see: a number that is a label means the run with it, any other "
+        "an amount; prediction is scored on them.",
         most=1000,
     )
     predict: tuple[Annotated[float, Rule(unit="N", above=0)], ...] = declare(

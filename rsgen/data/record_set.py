@@ -207,7 +207,7 @@ class Records(ABC):
             raise RsgenError("hold_out: holds every level back; at least one must remain")
 
     def held_out(self, asked: Iterable[float]) -> NDArray[np.bool_]:
-        """Return (r,) True for the records of the levels that are asked for by their labels or amounts."""
+        """Return (r,) True for records of the levels asked for, by their labels, else by their amounts."""
         held = np.zeros(len(self), dtype=np.bool_)
         for level in asked:
             named, amount = self._named(level), self.find_level(level)

@@ -502,6 +502,7 @@ def _without_mass(found: Finding) -> Finding:
 
 
 def _demodulated(histories: list[TimeHistory], test: MeasuredTest, rule: HistoryRule) -> ResponseSurface:
+    """Follow swept or stepped sines, else free decays, which are what is left of ``Excitation``."""
     # the force on a driven base is one on a kilogram
     mass = rule.mass if test.base is None else 1.0
     given = {} if rule.harmonics is None else {"harmonics": rule.harmonics}

@@ -36,7 +36,7 @@ Column = Annotated[
     ),
 ]
 RADIANS = {"deg": pi / 180, "rad": 1.0}
-"""Units of a phase, in rad. Titles name them in ``column_titles`` and ``inspection/clues``."""
+"""Units of a phase, in rad. Titles name them in ``column_titles``, ``clues`` and ``sensors``."""
 Seconds = Annotated[float, Rule(unit="s")]
 Unit = Annotated[str, Rule(most=40)]
 Scale = Annotated[

@@ -66,7 +66,8 @@ from rsgen.law.element import LawLike
 # All harmonics: by the balance, then by the simulator where only that has all of them.
 
 _HIGHEST_HARMONICS = (BALANCE_HARMONICS, 15, 23)
-"""Highest harmonic of the balance, raised until the last one no longer matters."""
+"""Highest harmonic of the balance of smooth laws, raised until the last one no longer matters; laws with
+corners take the first, and then the simulator (``_balance``)."""
 
 _FEW_HARMONICS = 5
 """Of motions near a sine under a smooth law: what they leave out follows from how they decay."""

@@ -457,9 +457,9 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
 def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
     """Predict the response to the measured force of a record, and its error over the band.
 
-    The iteration starts from the slopes of the law at rest, and the force grows to its size in ten steps
-    (``periodic_response``); with two sensors it starts from the measured response. Of two sensors the motion
-    across is as measured; lines that are not of the mode are added as measured.
+    The iteration starts from the motion of the law's slopes at rest; where that does not converge, the force
+    grows to its size in ten steps (``periodic_response``). With two sensors it starts from the measured
+    response, and the motion across is as measured; lines that are not of the mode are added as measured.
     """
     spectra, background = spectra.select([row]), found.background
     law, start = law_of(found.model.elements, spectra.means), None

@@ -497,7 +497,11 @@ def _respond(
 def _score(
     identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
 ) -> tuple[HeldOutLevel, ...]:
-    """Predict the points of held-out levels and compare, a score for each level and sweep."""
+    """Predict the points of held-out levels and compare, a score for each level and sweep.
+
+    Left out are points that did not settle, lie outside the band, or have no force or motion;
+    ``score_points`` leaves out a few at jumps.
+    """
     observation = identification.model.observation
     low, high = observation.band or (0.0, inf)
     chosen = (

@@ -327,7 +327,9 @@ class _Reasons:
         """Return why a parameter is not identifiable; None where it is.
 
         In this order: the points do not determine it (a null vector), alone or but for a combination with
-        others; its interval contains zero.
+        others; it is less than 1.96 standard errors (``interval_sigmas`` of the normal distribution, which is
+        narrower than the stated interval where few degrees of freedom are left). An interval by likelihood
+        without zero lifts the latter (``profile``).
         """
         names, regression, i = self.names, self.regression, self.names.index(name)
         weight = np.abs(regression.null[i])

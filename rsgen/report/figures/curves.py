@@ -49,7 +49,7 @@ def draw_modal(
     x = choose_scale(grid, "m")
     model = None
     if identification is not None and len(grid) > 1:
-        model = equivalent.measured_backbone(identification, grid)
+        model = equivalent.backbone_with_harmonics(identification, grid)
     for axes, name in zip(panels, names, strict=False):
         value, low, high = (getattr(fine, f"{name}{end}") for end in ("", "_lower", "_upper"))
         unit = MODAL_COLUMNS[name]

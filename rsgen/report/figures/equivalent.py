@@ -144,10 +144,12 @@ def backbone(identification: Identification, values: Mapping[str, float], amplit
     return Backbone(amplitude, omega, stiffness, result.damping, mass)
 
 
-def measured_backbone(
+def backbone_with_harmonics(
     identification: Identification, amplitude: Array, values: Mapping[str, float] | None = None
 ) -> Backbone:
-    """Return the backbone as points show it: their motion has higher harmonics. ``values`` are the refined.
+    """Return the backbone of the refined law, or of ``values``, with harmonics, as the motion of points has.
+
+    They are as many as a prediction takes (``AmplitudeBalance._order``).
 
     A multisine has no motion of one amplitude: its modal table is of sines, as the describing functions are.
     Nor has a motion across two sensors that was not measured.
@@ -171,14 +173,14 @@ def measured_backbone(
 def smooth_backbone(
     identification: Identification, amplitude: Array, values: Mapping[str, float] | None = None
 ) -> Backbone:
-    """Return ``measured_backbone``; to first order of a law that jumps or remembers.
+    """Return ``backbone_with_harmonics``; to first order of a law that jumps or remembers.
 
     At small amplitudes such a law holds the mass for a part of the cycle at resonance, and off it, where the
     points of such amplitudes lie, it does not.
     """
     law = compile_law(identification.model.force)
     if not (law.jumps or law.remembers):
-        return measured_backbone(identification, amplitude, values)
+        return backbone_with_harmonics(identification, amplitude, values)
     return backbone(identification, solution_of(identification) if values is None else values, amplitude)
 
 
@@ -195,7 +197,7 @@ def refined_band(identification: Identification, amplitude: Array) -> tuple[Back
     """Return the backbone of the refined model and half the 95 % bands of stiffness and damping.
 
     The covariance of the law's parameters is propagated linearly; a derivative is the difference over one
-    standard error.
+    standard error. The line is ``smooth_backbone``; the bands are those of the first order.
     """
 
     def evaluate(values: Mapping[str, float]) -> tuple[Backbone, Array]:
