@@ -383,7 +383,7 @@ def law_faults(case: Case) -> list[str]:
 
 def _never_settles(oscillator: Oscillator, test: PlannedTest) -> list[str]:
     """Say why no point of a virtual test can settle; only what is certain without simulating it."""
-    if not test.in_time:
+    if not test.settles:
         return []
     law = compile_law(oscillator.force)
     values = law.ordered(oscillator.values)

@@ -281,7 +281,12 @@ class PlannedTest(ABC):
 
     @property
     def in_time(self) -> bool:
-        """Return whether the law is integrated in time until each response settles under a given force."""
+        """Return whether the law is integrated in time."""
+        return False
+
+    @property
+    def settles(self) -> bool:
+        """Return whether the response must settle under a given force before it is recorded."""
         return False
 
     @property

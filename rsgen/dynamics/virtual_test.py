@@ -199,6 +199,11 @@ class SimulatedTest(VirtualTest):
         return self.method == "time" and self.control == "force"
 
     @property
+    def settles(self) -> bool:
+        """True if every point must settle to a steady state under a given force."""
+        return self.in_time
+
+    @property
     def ends(self) -> Array:
         """(2,) frequencies [Hz] at which a law is tried with sines before the run."""
         return self.frequency[[0, -1]]

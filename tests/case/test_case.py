@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.cases.case import case_schema
+from rsgen.cases.case import case_schema, law_faults
 from rsgen.cases.loading import find_cases, load_case
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import CaseError, RsgenError
@@ -316,3 +316,21 @@ def test_data_folders(tmp_path, monkeypatch):
     (elsewhere / "d.csv").write_text("")
     assert case(tmp_path).test.file == elsewhere / "d.csv"
     assert load_case(tmp_path / "case.toml", data=tmp_path).test.file == tmp_path / "d.csv"
+
+
+@pytest.mark.parametrize("test", [
+    {
+        "kind": "simulated-decay", "level": {"values": ["20 mm", "40 mm"]}, "duration": "20 s",
+        "rate": "400 Hz",
+    },
+    {
+        "kind": "simulated-sweep", "level": {"values": ["1 N", "2 N"]}, "band": ["7 Hz", "13 Hz"],
+        "duration": "60 s", "rate": "400 Hz",
+    },
+])  # fmt: skip
+def test_a_law_is_tried_before_a_virtual_record_in_time(tmp_path, test):
+    """A decay has no levels that were planned; nothing settles before it is recorded."""
+    case = load_case(write_small(tmp_path, test=test))
+    assert not case.test.settles
+    assert case.test.in_time
+    assert law_faults(case) == []
