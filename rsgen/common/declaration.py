@@ -219,5 +219,6 @@ def documented(cls: type[T]) -> type[T]:
         if get_origin(one.type) is Literal:
             lines[-1] += f" One of {choices(one.type)}."
     cls.__doc__ = "\n".join(lines)
+    # the constructor that the dataclass made, with a message for arguments that it does not have
     cls.__init__ = known_arguments(cls.__init__)  # type: ignore[method-assign]
     return cls

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
+from rsgen.data.record_set import QUANTITIES
 from rsgen.formula.unit_text import MAX_UNIT_CHARACTERS
 from rsgen.formula.units import quantity, sensor_unit
 
@@ -62,7 +63,8 @@ def unit_doubts(
         except RsgenError:
             # a title may end like a unit of something else; volts are what a sensor gives without its factor
             volts = title in _VOLTAGES and channel.unit not in _VOLTAGES
-            if volts or (titles[column].rstrip()[-1:] in _BRACKETS and _is_of_signal(title)):
+            bracketed = titles.get(column, "").rstrip()[-1:] in (")", "]")
+            if volts or (bracketed and _is_of_signal(title)):
                 found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
             continue
         if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
@@ -70,7 +72,8 @@ def unit_doubts(
     return found
 
 
-_SIGNALS = ("N", "m", "m/s", "m/s^2", "m/N", "m/s/N", "m/s^2/N")
+_SIGNALS = ("N", *(unit + per for unit in QUANTITIES.values() for per in ("", "/N")))
+"""SI units of a force, of motions, and of motions over a force."""
 
 
 def _is_of_signal(unit: str) -> bool:
