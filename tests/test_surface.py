@@ -240,18 +240,6 @@ def test_a_phase_that_was_not_recorded_is_nan_and_named():
     assert np.isnan(per_mass.units.kilogram)
 
 
-@pytest.mark.parametrize("phase_known", [True, False])
-def test_a_data_frame_has_every_column(phase_known):
-    pandas = pytest.importorskip("pandas")
-    surface = replace(random_surface(4, 30, 5), phase_known=phase_known, findings=(), origin="measured")
-    frame = surface.to_frame()
-    assert isinstance(frame, pandas.DataFrame)
-    for name in ("level", "frequency", "force", "amplitude", "phase", "sweep", "outcome", "stable"):
-        np.testing.assert_array_equal(frame[name], getattr(surface, name))
-    for name, harmonics in (("", surface.harmonics), ("force_", surface.force_harmonics)):
-        np.testing.assert_array_equal(frame[f"{name}harmonic_2"], harmonics[:, 2])
-
-
 def test_further_sensors_stay_with_their_points(tmp_path):
     f = np.linspace(9.0, 11.0, 6)
     x = np.exp(1j * f)

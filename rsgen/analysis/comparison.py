@@ -13,7 +13,7 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
-from rsgen.common.text_table import Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.common.text_table import Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT, ROUND_OFF, interval_sigmas
 from rsgen.data.oscillator import Oscillator
 from rsgen.identification.prediction import Prediction
@@ -103,19 +103,6 @@ class Comparison(Printed):
         numbers = quantities(judged=len(judged), largest=largest)
         names = {"outside": outside} if outside else {}
         return Finding("values-judged", "info", numbers=numbers, names=names)
-
-    def to_frame(self) -> Any:
-        """Return the rows as a ``pandas.DataFrame``.
-
-        Raises
-        ------
-        RsgenError
-            pandas is not installed.
-        """
-        columns: dict[str, Any] = {"refined": [row.refined.value for row in self]}
-        for name in ("name", "unit", "true", "relative_error", "tolerance", "passed"):
-            columns[name] = [getattr(row, name) for row in self]
-        return data_frame(columns, "name")
 
     @property
     def table(self) -> TextTable:
@@ -505,17 +492,6 @@ class FitComparison(Printed):
             )
             if one is not None
         ]
-
-    def to_frame(self) -> Any:
-        """Return ``to_dicts`` as a ``pandas.DataFrame``, a row a parameter and fit.
-
-        Raises
-        ------
-        RsgenError
-            pandas is not installed.
-        """
-        lines = self.to_dicts()
-        return data_frame({head: [line[head] for line in lines] for head in lines[0]}, "name")
 
     @property
     def table(self) -> TextTable:

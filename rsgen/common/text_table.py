@@ -1,15 +1,13 @@
-"""Tables for a terminal and a notebook: columns of texts, no sentences."""
+"""Tables for a terminal and a notebook: aligned columns of texts, no sentences."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from importlib import import_module
 from math import floor, isfinite, log10, prod
 from typing import Any, TypeVar
 
-from rsgen.common.errors import RsgenError, UnknownNameError
+from rsgen.common.errors import UnknownNameError
 
 T = TypeVar("T")
 
@@ -75,19 +73,6 @@ class TextTable:
         cells = [self.heads, *([str(cell) for cell in row] for row in self.rows)]
         return "\n".join([*filter(None, [self.caption]), *aligned(cells), *self.notes])
 
-    def html(self) -> str:
-        """Return the table as HTML; every text is escaped."""
-
-        def row(cells: Sequence[Any], tag: str) -> str:
-            return f"<tr>{''.join(f'<{tag}>{html.escape(str(cell))}</{tag}>' for cell in cells)}</tr>"
-
-        lines = html.escape(self.caption).replace("\n", "<br>")
-        caption = f"<caption>{lines}</caption>" if lines else ""
-        body = "".join(row(cells, "td") for cells in self.rows)
-        notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
-        head = row(self.heads, "th")
-        return f"<table>{caption}<thead>{head}</thead><tbody>{body}</tbody></table>{notes}"
-
 
 class Printed:
     """A record that prints as a table, on a terminal and in a notebook."""
@@ -102,9 +87,6 @@ class Printed:
     def __repr__(self) -> str:
         """Return the table as text."""
         return str(self.table)
-
-    def _repr_html_(self) -> str:
-        return self.table.html()
 
 
 class Brief:
@@ -138,19 +120,3 @@ def lookup(name: object, known: Mapping[str, T], what: str) -> T:
     if isinstance(name, str) and name in known:
         return known[name]
     raise UnknownNameError(f"{what} {name!r:.80}: there is none; there are {', '.join(known)}")
-
-
-def data_frame(columns: dict[str, Any], index: str = "") -> Any:
-    """Return a ``pandas.DataFrame`` of columns, one of them as its index; pandas is needed for this alone.
-
-    Raises
-    ------
-    RsgenError
-        pandas is not installed.
-    """
-    try:
-        pandas = import_module("pandas")
-    except ImportError:
-        raise RsgenError("to_frame: pandas is not installed; install it with: pip install pandas") from None
-    frame = pandas.DataFrame(columns)
-    return frame.set_index(index) if index else frame

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +25,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.solvers import b_splines
-from rsgen.common.text_table import MAX_DIGITS, Brief, Printed, TextTable, data_frame, short
+from rsgen.common.text_table import MAX_DIGITS, Brief, Printed, TextTable, short
 from rsgen.common.tolerances import MISFIT_EXPLAINED, RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
 from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
@@ -343,16 +342,6 @@ class ModalTable(Printed):
             An amplitude is not positive and finite.
         """
         return replace(self, amplitude=np.asarray(amplitude, dtype=np.float64))
-
-    def to_frame(self) -> Any:
-        """Return the table as a ``pandas.DataFrame`` with the amplitude as its index.
-
-        Raises
-        ------
-        RsgenError
-            pandas is not installed.
-        """
-        return data_frame({"amplitude": self.amplitude, **self._columns}, "amplitude")
 
     def to_csv(self) -> str:
         """Return the table as CSV: a line of names with units, then a line a row; SI units.

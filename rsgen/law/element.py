@@ -7,13 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cache
-from html import escape
 
 import sympy
 
 from rsgen.common.errors import ExpressionError, RsgenError, quote, require
 from rsgen.common.finding import Finding
-from rsgen.common.text_table import TextTable
 from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.names import check_name, symbol
 from rsgen.formula.printing import write
@@ -29,7 +27,7 @@ from rsgen.law.memory import (
     with_memory,
 )
 from rsgen.law.normal_form import normal_form
-from rsgen.law.notation import latex, mathml
+from rsgen.law.notation import latex
 from rsgen.law.numeric import equal_terms
 
 # ----------------------------------------------------------------------------
@@ -382,18 +380,6 @@ class Law(_Summand):
         places = {symbol(old): symbol(check_name(new)) for old, new in renames.items()}
         return make_element(name or self.name or UNNAMED, self.force.xreplace(places))
 
-    def _repr_html_(self) -> str:
-        """Show the formula and, of a law of the library, what its parameters are."""
-        formula = f"<p>{mathml(sympy.Eq(sympy.Symbol('n'), self.force, evaluate=False))}</p>"
-        for name, rate in self.memory.items():
-            formula += f"<p><code>{escape(name)}' = {escape(rate)}</code></p>"
-        if not self.table:
-            return formula
-        rows = tuple((row.name, row.meaning, row.unit) for row in self.table)
-        notes = (self.source,) if self.source else ()
-        caption = ": ".join(filter(None, [self.name, self.title]))
-        return formula + TextTable(("parameter", "meaning", "unit"), rows, caption, notes).html()
-
     def __repr__(self) -> str:
         memory = f", memory={self.memory}" if self.memory else ""
         return f"Law({self.formula!r}{f', name={self.name!r}' if self.name else ''}{memory})"
@@ -544,10 +530,6 @@ class Library:
 
     def __repr__(self) -> str:
         return "\n".join(f"{law.name:<{max(map(len, ROWS))}}  {law.text}" for law in self)
-
-    def _repr_html_(self) -> str:
-        rows = tuple((law.name, law.title, law.text) for law in self)
-        return TextTable(("law", "what it is", "force"), rows).html()
 
 
 laws = Library()

@@ -74,17 +74,15 @@ def _compiled(source: str, name: str) -> tuple[CodeType, CodeType | None]:
 
 
 def _shown(value: object) -> list[nbformat.NotebookNode]:
-    """Return a value in words, and as HTML, LaTeX or a picture where it has them, as a kernel would show it.
+    """Return a value in words, and as LaTeX or a picture where it has them, as a kernel would show it.
 
     A shell that does so replaces ``__main__`` and the hooks of ``sys`` and opens the user's history, which is
     wrong in a process that works on cases.
     """
     data: dict[str, Any] = {"text/plain": repr(value)}
     metadata: dict[str, Any] = {}
-    for kind, name in (("text/html", "_repr_html_"), ("text/latex", "_repr_latex_")):
-        written = getattr(value, name)() if hasattr(value, name) else None
-        if written is not None:
-            data[kind] = written
+    if hasattr(value, "_repr_latex_"):
+        data["text/latex"] = value._repr_latex_()
     if hasattr(value, "_repr_mimebundle_"):
         more, metadata = value._repr_mimebundle_()
         data |= more

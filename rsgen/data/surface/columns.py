@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray, unmasked
+from rsgen.common.arrays import Array, unmasked
 from rsgen.common.errors import RsgenError
-from rsgen.common.text_table import data_frame
 from rsgen.data.record_set import CHANNEL_NAME
 
 SWEEPS = ("rest", "up", "down")
@@ -265,38 +264,3 @@ def recognise_directions(
 
 # ----------------------------------------------------------------------------
 # Surfaces to data frames.
-
-
-def _harmonic_columns(prefix: str, harmonics: ComplexArray) -> dict[str, Any]:
-    """Return mean and higher harmonics by name."""
-    means = {f"{prefix}mean": mean.real for mean in harmonics.T[:1]}
-    return means | {f"{prefix}harmonic_{h}": harmonics[:, h] for h in range(2, harmonics.shape[1])}
-
-
-def frame_of_surface(surface: Any) -> Any:
-    """Return a ``pandas.DataFrame`` of a surface, with amplitude and phase.
-
-    Raises
-    ------
-    RsgenError
-        pandas is not installed.
-    """
-    columns: dict[str, Any] = {
-        "level": surface.level,
-        "frequency": surface.frequency,
-        "force": surface.force,
-        "amplitude": surface.amplitude,
-    }
-    columns |= {"response": surface.harmonics[:, 1], "phase": surface.phase}
-    columns |= _harmonic_columns("", surface.harmonics)
-    if surface.force_harmonics.shape[1] > 2 or surface.force_harmonics[:, 0].any():
-        columns |= _harmonic_columns("force_", surface.force_harmonics)
-    columns |= zip(("across",), surface.across.T[1:2], strict=False)
-    columns |= _harmonic_columns("across_", surface.across)
-    for name, harmonics in surface.sensors.items():
-        columns |= {f"sensor_{name}": harmonics[:, 1]} | _harmonic_columns(f"sensor_{name}_", harmonics)
-    if surface.label is not None:
-        columns["label"] = surface.label
-    columns |= {"peak_max": surface.peak[:, 0], "peak_min": surface.peak[:, 1]}
-    columns |= {name: getattr(surface, name) for name in ("sweep", "outcome", "residual", "error", "stable")}
-    return data_frame(columns)

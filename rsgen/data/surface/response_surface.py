@@ -21,7 +21,7 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError, known_arguments, listed, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.output import write_atomic
-from rsgen.common.text_table import TextTable, short
+from rsgen.common.text_table import short
 from rsgen.common.tolerances import STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.record_set import BASE_UNITS, FILE_ROUND_OFF, Records, below_acceleration
 from rsgen.data.surface.columns import (
@@ -32,7 +32,6 @@ from rsgen.data.surface.columns import (
     check_numbers,
     column,
     force_columns,
-    frame_of_surface,
     recognise_directions,
     response_columns,
     sensor_columns,
@@ -405,16 +404,6 @@ class ResponseSurface(Records):
         """Unit of ``answer``."""
         return self.force_unit if self.response_held else "m"
 
-    def to_frame(self) -> Any:
-        """Return a ``pandas.DataFrame`` with a row a test point.
-
-        Raises
-        ------
-        RsgenError
-            pandas is not installed.
-        """
-        return frame_of_surface(self)
-
     def __repr__(self) -> str:
         """Return size and range in one line."""
         if not len(self):
@@ -440,15 +429,6 @@ class ResponseSurface(Records):
             self.origin,
         ]
         return f"ResponseSurface: {', '.join(part for part in parts if part)}"
-
-    def _repr_html_(self) -> str:
-        rows = []
-        for level in self.levels:
-            f, X = self.frequency[self.level == level], self.amplitude[self.level == level]
-            top = np.max(X, initial=0.0, where=np.isfinite(X))
-            rows.append((short(level), len(f), short(f.min()), short(f.max()), short(top)))
-        heads = (f"level [{self.level_unit}]", "points", "from [Hz]", "to [Hz]", "largest amplitude [m]")
-        return TextTable(heads, tuple(rows), caption=repr(self)).html()
 
 
 # ----------------------------------------------------------------------------

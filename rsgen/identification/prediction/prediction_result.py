@@ -8,14 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import inf, nan
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, freeze
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short
+from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
     HELD_OUT_ERROR_DOUBTFUL,
@@ -281,22 +280,6 @@ class Prediction(Printed):
 
     def __len__(self) -> int:
         return len(self.curves)
-
-    def to_frame(self) -> Any:
-        """Return all points of all curves as a ``pandas.DataFrame``, along each curve.
-
-        Raises
-        ------
-        RsgenError
-            pandas is not installed.
-        """
-        names = ("frequency", "amplitude", "phase", "stable", "extrapolated", "lower", "upper")
-        columns: dict[str, Any] = {
-            "level": np.repeat([curve.level for curve in self], [len(curve.frequency) for curve in self])
-        }
-        for name in names:
-            columns[name] = np.concatenate([getattr(curve, name) for curve in self]) if len(self) else []
-        return data_frame(columns)
 
     @property
     def table(self) -> TextTable:

@@ -17,7 +17,7 @@ import sympy
 
 from rsgen.common.errors import RsgenError, listed
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
-from rsgen.common.text_table import Printed, TextTable, aligned, data_frame, lookup, short
+from rsgen.common.text_table import Printed, TextTable, aligned, lookup, short
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     NOISE_RATIO_BY_CHANCE,
@@ -209,17 +209,6 @@ class Ranking(Printed):
 
     def __len__(self) -> int:
         return len(self.candidates)
-
-    def to_frame(self) -> Any:
-        """Return the candidates as a ``pandas.DataFrame``, best first.
-
-        Raises
-        ------
-        RsgenError
-            pandas is not installed.
-        """
-        names = ("name", "force", "parameters", "bic", "held_out_error", "tied", "fault", "converged")
-        return data_frame({name: [getattr(candidate, name) for candidate in self] for name in names}, "name")
 
     @property
     def in_case(self) -> str:

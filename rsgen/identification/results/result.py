@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Verdict, reach_verdict
-from rsgen.common.text_table import Brief, Printed, TextTable, data_frame, lookup, short, with_error
+from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
     HELD_OUT_ERROR_SMALL,
@@ -295,7 +295,7 @@ class Identification(Printed):
     """The parameters of a model identified from a response surface.
 
     ``found["k3"]`` is the refined estimate of a parameter, "m" that of the mass; ``print(found)`` gives a
-    table, ``found.to_frame()`` a data frame.
+    table.
 
     Parameters
     ----------
@@ -474,26 +474,6 @@ class Identification(Printed):
     def _estimates(self) -> dict[str, Estimate]:
         of_background = self.background.estimates if self.background else ()
         return {estimate.name: estimate for estimate in (*of_background, *self.refined, *self.fixed)}
-
-    def to_frame(self) -> Any:
-        """Return refined estimates and fixed values as a ``pandas.DataFrame``, a row a parameter.
-
-        Raises
-        ------
-        RsgenError
-            pandas is not installed.
-        """
-        rows = (*self, *self.fixed)
-        columns = {
-            "name": [estimate.name for estimate in rows],
-            "value": [estimate.value for estimate in rows],
-            "standard_error": [estimate.standard_error for estimate in rows],
-            "lower": [estimate.interval[0] for estimate in rows],
-            "upper": [estimate.interval[1] for estimate in rows],
-            "unit": [estimate.unit for estimate in rows],
-            "identifiable": [estimate.identifiable for estimate in rows],
-        }
-        return data_frame(columns, "name")
 
     @property
     def table(self) -> TextTable:
