@@ -179,10 +179,7 @@ def processes() -> dict[str, float]:
         case = str(ROOT / "cases" / "cubic.toml")
         tool = str(Path(sys.executable).parent / "rsgen")
         for name, arguments in (
-            (
-                "`rsgen simulate cases/cubic.toml`",
-                ["simulate", case, "--out", str(Path(folder) / "cubic.h5")],
-            ),
+            ("`rsgen identify cases/cubic.toml`", ["identify", case]),
             ("`rsgen --help`", ["--help"]),
         ):
             runs = []

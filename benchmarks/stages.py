@@ -117,7 +117,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
         '`rsgen derive "k*x + k3*x**3 + c*v"`': ["derive", "k*x + k3*x**3 + c*v"],
         "`rsgen check cases/cubic.toml`": ["check", cubic],
         f"`rsgen inspect {table.name}`": ["inspect", str(table)],
-        "`rsgen simulate cases/cubic.toml`": ["simulate", cubic, "--out", str(folder / "cubic.h5")],
+        "`rsgen identify cases/cubic.toml`": ["identify", cubic],
     }
 
 

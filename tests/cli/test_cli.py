@@ -16,10 +16,6 @@ import pytest
 from rsgen import __version__
 from rsgen.app.cli.application import COMMANDS
 from rsgen.app.study.folder import read_manifest
-from rsgen.app.study.run_case import obtain_table
-from rsgen.cases.loading import load_case, read
-from rsgen.data.surface.response_surface import save_surface
-from rsgen.formula.reading import parse
 from tests.case_files import write_small
 from tests.programs import RSGEN, python, shell
 
@@ -45,7 +41,7 @@ def test_every_command_has_an_example(command, run_cli):
     shown = run_cli(command, "--help")
     assert shown.code == 0
     assert f"rsgen {command}" in shown.out.split("Example")[1]
-    assert "--json" in shown.out
+    assert ("--json" in shown.out) == (command not in ("derive", "laws"))
 
 
 @pytest.mark.slow
@@ -68,17 +64,8 @@ def test_check_says_what_a_run_will_do(run_cli):
     assert answer["cases"][0]["identifies"] == ["m", "c1", "k1", "kn1"]
 
 
-def test_derive_reads_as_a_person_writes_and_as_json_parses_back(run_cli):
+def test_derive_reads_as_a_person_writes(run_cli):
     assert "k1 + 3/4 kn1 X^2" in run_cli("derive", "k1*x + kn1*x**3").out
-    answer = json.loads(run_cli("derive", "k1*x + kn1*x**3 + c2*v*abs(v)", "--json").out)
-    assert set(answer) == {
-        "force", "stiffness", "damping", "mean_balance", "mean", "closed_form", "checked_to", "parameters",
-        "seconds",
-    }  # fmt: skip
-    # Liu et al., Eqs. (14) and (23)
-    assert (parse(answer["stiffness"]) - parse("k1 + 3/4*kn1*X**2")).equals(0)
-    assert (parse(answer["damping"]) - parse("8*c2*omega*X/(3*pi)")).equals(0)
-    assert (answer["closed_form"], answer["parameters"]) == (True, ["c2", "k1", "kn1"])
 
 
 @pytest.mark.slow
@@ -96,14 +83,13 @@ def test_init_writes_a_case_that_is_right(law, tmp_path, run_cli):
 
 
 @pytest.mark.slow
-def test_simulate_then_identify(tmp_path, run_cli):
-    path, surface = write_small(tmp_path), tmp_path / "s.h5"
-    assert json.loads(run_cli("simulate", path, "--out", surface, "--json").out)["points"] == 42
-    answer = json.loads(run_cli("identify", path, "--surface", surface, "--json").out)
+def test_identify_says_the_same_in_words_and_as_json(tmp_path, run_cli):
+    path = write_small(tmp_path)
+    answer = json.loads(run_cli("identify", path, "--json").out)
     found = {row["name"]: row["refined"]["value"] for row in answer["parameters"]}
     assert found["k"] == pytest.approx(5920.0, rel=1e-3)
     assert found["m"] == pytest.approx(1.5, rel=1e-3)
-    lines = run_cli("identify", path, "--surface", surface).out.splitlines()[2:]
+    lines = run_cli("identify", path).out.splitlines()[2:]
     title, *rows = (re.split(r" {2,}", line.strip()) for line in lines)
     assert "95 % interval" in title
     printed = {row[0]: row for row in rows}
@@ -280,7 +266,7 @@ def test_a_cache_that_others_can_write_is_named_once_and_not_used(tmp_path):
     cache = tmp_path / "cache"
     cache.mkdir()
     cache.chmod(0o777)
-    run = shell("simulate", write_small(tmp_path), "--out", tmp_path / "surface.h5", RSGEN_CACHE=str(cache))
+    run = shell("identify", write_small(tmp_path), RSGEN_CACHE=str(cache))
     assert run.returncode == 0
     assert run.stderr.count("compiled kernels are not stored") == 1
     assert list(cache.iterdir()) == []
@@ -322,9 +308,4 @@ def test_a_wildcard_in_quotes_stands_for_its_files_and_an_open_todo_is_said(tmp_
     ended = run_cli("identify", path)
     assert ended.code == 1
     assert "not confirmed" in ended.out.lower()
-    # the file of that time has the doubt; the case decides
-    save_surface(tmp_path / "surface.h5", read(path))
-    path.write_text(re.sub(" +# TODO: .*", "", path.read_text()))
-    found = obtain_table(load_case(path), saved=tmp_path / "surface.h5").findings
-    assert "entries-not-confirmed" not in {finding.code for finding in found}
     assert "not confirmed" not in run_cli("check", ROOT / "cases" / "formats" / "csv-magnitude.toml").out

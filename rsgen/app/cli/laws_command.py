@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import time
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.derive_command import describe, spell
-from rsgen.app.cli.options import Json
-from rsgen.app.cli.terminal import print_json, print_line
+from rsgen.app.cli.derive_command import describe
+from rsgen.app.cli.terminal import print_line
 from rsgen.describing.derivation import derive
 from rsgen.law.element import Law, Library, laws
 
@@ -18,7 +16,6 @@ def laws_command(
     name: Annotated[
         str | None, typer.Argument(help="One law of the library; without it, all.", show_default=False)
     ] = None,
-    json: Json = False,
 ) -> int:
     """List the library of force laws, or show one: formula, parameters, describing function, source.
 
@@ -27,35 +24,11 @@ def laws_command(
       rsgen laws cubic-spring
     """
     if name is None:
-        if json:
-            print_json([_entry(law) for law in laws])
-        else:
-            _print_all(laws)
+        _print_all(laws)
         return 0
-    law = laws[name]
-    started = time.perf_counter()
-    function = derive(law)
-    seconds = time.perf_counter() - started
-    if json:
-        print_json(_entry(law) | {"describing": spell(function, seconds)})
-    else:
-        _print_law(law)
-        describe(function, latex=False)
+    _print_law(laws[name])
+    describe(derive(laws[name]), latex=False)
     return 0
-
-
-def _entry(law: Law) -> dict[str, Any]:
-    return {
-        "name": law.name,
-        "title": law.title,
-        "force": law.formula,
-        "parameters": [
-            {"name": entry.name, "meaning": entry.meaning, "unit": entry.unit} for entry in law.table
-        ],
-        **({"memory": law.memory} if law.memory else {}),
-        "source": law.source,
-        "own": law.own,
-    }
 
 
 def _print_all(laws: Library) -> None:

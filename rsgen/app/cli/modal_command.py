@@ -2,52 +2,35 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from rsgen.app.cli.options import MODAL, Data, Json, OneCase, Surface, checked_target
+from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import USABLE_RESULT, number, print_json, print_line
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
-from rsgen.common.output import write_atomic
 from rsgen.formula.units import quantity_text
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out
 from rsgen.report.result_json import modal_entry
 from rsgen.report.wording.sentences import sentence
 
-Csv = Annotated[
-    Path | None,
-    typer.Option("--csv", help="Write all rows with their intervals, SI units.", show_default=False),
-]
 
-
-def modal_command(
-    case: OneCase, surface: Surface = None, data: Data = None, csv: Csv = None, json: Json = False
-) -> int:
+def modal_command(case: OneCase, data: Data = None, json: Json = False) -> int:
     """Tabulate resonance frequency, damping ratio, stiffness and damping over the amplitude, without a law.
 
     Of the case the test, the mass and [identify] count; its law does not. Levels that are held out are
-    predicted from the table and scored.
+    predicted from the table and scored. `rsgen run` writes all rows with their intervals to modal.csv.
 
     \b
-    Examples:
+    Example:
       rsgen modal cases/cubic.toml
-      rsgen modal cases/cubic.toml --surface cubic.h5 --csv modal.csv
     """
     print_cache_fault()
     loaded = load_case(case, data)
-    target = checked_target(csv, ".csv", MODAL, "--csv", loaded, surface) if csv else None
     with stage_progress(loaded.path) as note:
         note("surface", 0.0)
-        tested = obtain_table(loaded, saved=surface)
+        tested = obtain_table(loaded)
     table = modal_table(tested, loaded.model)
     modal = Modal(table, held_out=score_held_out(table, tested))
-    if target:
-        write_atomic(target, table.to_csv())
     said = [sentence(finding) for finding in table.findings]
     if json:
         print_json({"case": loaded.name, "modal": modal_entry(modal), "warnings": said})
@@ -63,6 +46,4 @@ def modal_command(
         print_line(
             f"held out {level}, {item.sweep}: {scored} of {len(item.frequency)} points predicted{error}"
         )
-    if target:
-        print_line(f"{target}: all rows with their intervals")
     return USABLE_RESULT

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import Data, Json, OneCase, Surface
+from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import print_block, print_json
 from rsgen.app.study.run_case import identify_case, obtain_table
@@ -18,7 +18,6 @@ from rsgen.report.result_json import finite_or_none
 def profile_command(
     case: OneCase,
     name: Annotated[str, typer.Argument(help="A parameter of the law, or m.", show_default=False)],
-    surface: Surface = None,
     data: Data = None,
     json: Json = False,
 ) -> int:
@@ -33,7 +32,7 @@ def profile_command(
     loaded = load_case(case, data)
     with stage_progress(loaded.path) as note:
         note("surface", 0.0)
-        tested = obtain_table(loaded, saved=surface)
+        tested = obtain_table(loaded)
         found = profile(identify_case(loaded, tested, note), name)
     if json:
         columns = {

@@ -5,20 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from math import nan
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rsgen.app.cli import terminal
-from rsgen.app.cli.options import Data, Json
+from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.data.multisine.spectra import MultisineSpectra
-from rsgen.data.oscillator import Model
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.surface_file import load_surface
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results import units_of
@@ -26,40 +23,30 @@ from rsgen.report.result_json import ranking_entry
 from rsgen.report.wording.sentences import ranking_steps, sentence, state_verdict
 
 
-def _read(path: Path, data: Path | None) -> tuple[str, ResponseSurface | MultisineSpectra, Model | None]:
-    """Read a surface, which has no law, or a case with its model."""
-    if path.suffix.lower() in (".h5", ".hdf5"):
-        return path.stem, load_surface(path), None
-    case = load_case(path, data)
-    return case.name, obtain_table(case), case.model
-
-
 def rank_command(
-    case: Annotated[
-        Path, typer.Argument(help="A case file, or a response surface (.h5).", show_default=False)
-    ],
+    case: OneCase,
     data: Data = None,
     terms_in_sum: Annotated[int, typer.Option(help="Most laws of the library in a sum.", min=1, max=3)] = 2,
     json: Json = False,
 ) -> int:
-    """Compare the laws of the library, alone and in sums, on the test of a case or on a surface.
+    """Compare the laws of the library, alone and in sums, on the test of a case.
 
     The verdict names the best law and those that fit equally well, or says that none fits and what is left
     unexplained. The law of the case is one more candidate.
 
     \b
-    Examples:
-      rsgen rank cases/cubic.toml
-      rsgen rank cubic.h5 --json
+    Example:
+      rsgen rank cases/cubic.toml --json
     """
     print_cache_fault()
-    name, table, model = _read(case, data)
+    loaded = load_case(case, data)
+    name, table = loaded.name, obtain_table(loaded)
     counted = "points" if isinstance(table, ResponseSurface) else "records"
     terminal.print_faults(
         [f"{name}: comparing {len(library_terms())} laws and their sums on {len(table)} {counted}"]
     )
     with stage_progress(case) as note:
-        ranking = rank(table, model, terms_in_sum=terms_in_sum, progress=partial(note, "ranking"))
+        ranking = rank(table, loaded.model, terms_in_sum=terms_in_sum, progress=partial(note, "ranking"))
     # of a law that is not to be used values are shown, so that absurd ones are seen, but no intervals
     best = ranking.best.refined if ranking.verdict.usable else ()
     # what the page of this law says, too

@@ -17,8 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import rsgen.files  # loads its readers, and the next line the ranking, for cases that need them
-import rsgen.identification
+import rsgen.identification  # loads the ranking for cases that need it
 import rsgen.report
 from rsgen.analysis.comparison import compare
 from rsgen.app.study.folder import (
@@ -31,7 +30,7 @@ from rsgen.app.study.folder import (
     write_manifest,
 )
 from rsgen.cases.case import Case, law_faults
-from rsgen.cases.loading import load_case, mark_open_entries, read
+from rsgen.cases.loading import load_case, read
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, quote, shown_path
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -205,19 +204,15 @@ def _finished(case: Case, folder: Path) -> CaseRun:
 
 
 def obtain_table(
-    case: Case, progress: Callable[[float], None] = lambda share: None, saved: Path | None = None
+    case: Case, progress: Callable[[float], None] = lambda share: None
 ) -> ResponseSurface | MultisineSpectra:
     """Simulate the test of a case, or read its measured files: a response surface, or spectra of a multisine.
-
-    With ``saved``, a file of `rsgen simulate` or of a run, that is read in its place.
 
     Raises
     ------
     RsgenError
         A file cannot be read, or no motion follows from the law, as ``rsgen check`` says.
     """
-    if saved is not None:
-        return mark_open_entries(case, rsgen.files.load_surface(saved))
     if refused := law_faults(case):
         raise CaseError(refused)
     test: Any = case.test
