@@ -446,7 +446,7 @@ def read_sources(test: MeasuredTest, number: int) -> Sources:
     """Read the tables of a file and of other channels' files, without rows in which a number is missing."""
     main = test.files[number]
     wanted: dict[Path, list[int | str]] = {main: []}
-    for place in (test.frequency, test.sweep.column, test.level.column):
+    for place in (test.frequency, test.level.column):
         if place is not None:
             wanted[main].append(place)
     for channel in test.sources:

@@ -42,7 +42,7 @@ from rsgen.files.nominal_levels import (
     runs_of_one_level,
     stable_points,
 )
-from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest, SweepRule
+from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest
 from rsgen.formula.units import quantity, sensor_unit
 from rsgen.law.motion import cycle_work
 
@@ -204,7 +204,6 @@ class _Part:
     force: ComplexArray
     motions: ComplexArray
     level: Array | None
-    mark: Array | None
     block: NDArray[np.int64]
     findings: tuple[Finding, ...]
     unit_said: bool
@@ -293,10 +292,9 @@ def _part(test: MeasuredTest, number: int) -> _Part:
         level = None if level is None else level[kept]
     if not test.phase_known:
         force, motions = np.abs(force) + 0j, np.abs(motions) + 0j
-    mark = None if test.sweep.column is None else table.real(test.sweep.column)
     findings = (*sources.findings, *doubts)
     said = test.unit_said or (test.level.column is not None and bool(table.units.get(test.level.column)))
-    return _Part(frequency, force, motions, level, mark, table.block, findings, said)
+    return _Part(frequency, force, motions, level, table.block, findings, said)
 
 
 def _driven(sources: Sources, frequency: Array, level: Array | None) -> tuple[ComplexArray, ComplexArray]:
@@ -316,27 +314,6 @@ def _driven(sources: Sources, frequency: Array, level: Array | None) -> tuple[Co
     if test.per_force:
         motions[:, 0] *= force
     return force, motions
-
-
-def _as_number(value: int | str | None) -> float:
-    try:
-        return float(value if value is not None else "nan")
-    except ValueError:
-        raise MeasurementError(
-            f"sweep: {value!r} is no number; the column of directions holds numbers"
-        ) from None
-
-
-def _directions(
-    rule: SweepRule, frequency: Array, level: Array, marks: list[Array], block: NDArray[np.int64]
-) -> NDArray[np.str_]:
-    if marks:
-        mark = np.concatenate(marks)
-        up, down = (_as_number(value) for value in (rule.up, rule.down))
-        return np.where(mark == up, "up", np.where(mark == down, "down", "rest"))
-    if rule.direction == "recognise":
-        return recognise_directions(frequency, level, block)
-    return np.full(len(frequency), rule.direction, dtype="U4")
 
 
 def _blocks(part: _Part) -> range:
@@ -364,7 +341,6 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     force = np.concatenate([part.force for part in parts])
     motions = np.concatenate([part.motions for part in parts])
     displacement, far = motions[:, 0], motions[:, 1:]
-    marks = [part.mark for part in parts if part.mark is not None]
     counts = np.cumsum([0, *(int(part.block[-1]) + 1 for part in parts)])
     block = np.concatenate([part.block + count for part, count in zip(parts, counts, strict=False)])
     levels = [part.level for part in parts if part.level is not None]
@@ -382,6 +358,9 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     drive, size = np.abs(_drive(test, force, frequency)), np.abs(displacement)
     level = assign_levels(test, frequency, drive, size, run, block, held)
     followed = test.control == "continuation"
+    recognised = test.sweep.direction == "recognise"
+    told = recognise_directions(frequency, level, block) if recognised else test.sweep.direction
+    sweep = "rest" if followed else told
     nominal = test.level.column is not None and np.array_equal(drive, np.concatenate(levels))
     if nominal or not test.driven:
         by = {"by": "ratio"} if test.per_force else {"by": "equality"} if test.driven else {}
@@ -396,7 +375,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         across=np.concatenate([0 * far, far], axis=1),
         per_mass=test.base is not None,
         base="" if test.base is None else test.quantity_of("base"),
-        sweep="rest" if followed else _directions(test.sweep, frequency, level, marks, block),
+        sweep=sweep,
         phase_known=test.phase_known or test.control == "phase",
         control=test.control,
         stable=stable_points(frequency, drive, size) if followed else None,

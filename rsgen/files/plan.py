@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 else:
     FormatName = Literal["auto", "csv", *FORMATS]
 Excitation = Literal["swept-sine", "stepped-sine", "ring-down", "multisine"]
-Mark = Annotated[int | str, Rule(most=200, what="a whole number or a text of at most 200 characters")]
 Hertz = Annotated[float, Rule(unit="Hz", above=0)]
 Newton = Annotated[float, Rule(unit="N", above=0)]
 Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
@@ -78,23 +77,9 @@ class Layout(Checked):
 @documented
 @dataclass(frozen=True, slots=True)
 class SweepRule(Checked):
-    """From which side a point was reached: the same for all, a column, or recognised from the order."""
+    """From which side a point was reached: the same for all, or recognised from the order."""
 
     direction: Literal["recognise", "rest", "up", "down"] = "recognise"
-    column: Column | None = declare(None, "A column of directions; what is neither up nor down is rest.")
-    up: Mark | None = declare(None, "What the column says for an upward sweep.")
-    down: Mark | None = declare(None, "What the column says for a downward sweep.")
-
-    def faults(self) -> Iterator[tuple[str, str]]:
-        """Find what does not fit together: a field's name ("" for all) and what is wrong with it."""
-        if self.column is not None and given(self, "direction"):
-            yield "", "has column and direction; give one or the other"
-        if self.column is not None and None in (self.up, self.down):
-            yield "", "up and down must say what the column contains"
-        if self.column is None and given(self, "up", "down"):
-            yield "column", "is missing; up and down need it"
-        if self.up is not None and self.up == self.down:
-            yield "", "up and down are the same; they must differ"
 
 
 @documented
@@ -390,8 +375,8 @@ class MeasuredTest(PlannedTest):
     @property
     def recognises_sweeps(self) -> bool:
         """True if the directions of a table are taken from the order of its rows."""
-        given = self.sweep.direction != "recognise" or self.sweep.column is not None
-        return not given and self.history is None and self.control != "continuation"
+        recognised = self.sweep.direction == "recognise"
+        return recognised and self.history is None and self.control != "continuation"
 
     def origin(self) -> dict[str, str]:
         """Return names and values for the provenance of a result."""

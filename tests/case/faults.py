@@ -117,7 +117,7 @@ OF_TABLE: list[Changes] = [
         "test.response.quantity": "acceleration", "test.response.real": GONE,
         "test.response.phase_sense": GONE, "test.response.imaginary": GONE, "test.response.samples": "A",
     },
-    {"test.file": ["a.csv", "../b.csv"]}, {"test.sha256": "abc"}, {"test.sweep": {"column": 5}},
+    {"test.file": ["a.csv", "../b.csv"]}, {"test.sha256": "abc"}, {"test.sweep": {"directon": "up"}},
     {"test.time": {"rate": 400}}, {"truth": {"k1": 1}}, {"test.response.unit": "N"},
     {"test.file": "http://127.0.0.1:9/x.csv"},
 ]  # fmt: skip

@@ -19,7 +19,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface.columns import recognise_directions
 from rsgen.files import text_columns as text_lines
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.plan import Layout, LevelRule, MeasuredTest, SweepRule
+from rsgen.files.plan import Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.files.text_columns import Columns, read_columns
 
@@ -73,13 +73,11 @@ def _velocity_mm_rms_deg_lag(path: Path) -> MeasuredTest:
 
 def _acceleration_g_columns_by_number(path: Path) -> MeasuredTest:
     a = -(OMEGA**2) * DISPLACEMENT / GRAVITY
-    up = np.where(SWEEP == "up", 1.0, -1.0)
-    columns = (np.arange(len(OMEGA)), a.real, -a.imag, FREQUENCY, FORCE.real, -FORCE.imag, up)
-    write(path, "\t", False, **dict(zip("abcdefg", columns, strict=True)))
+    columns = (np.arange(len(OMEGA)), a.real, -a.imag, FREQUENCY, FORCE.real, -FORCE.imag)
+    write(path, "\t", False, **dict(zip("abcdef", columns, strict=True)))
     return plan(
         path, frequency=4, force=Channel(real=5, imaginary=6, phase_sense="lag"),
         response=Channel(real=2, imaginary=3, phase_sense="lag", factor=GRAVITY), quantity="acceleration",
-        sweep=SweepRule(column=7, up=1, down=-1),
     )  # fmt: skip
 
 
