@@ -301,7 +301,7 @@ class Misfit:
     unexplained
         The same, of parts where it is beyond chance and more than sensors resolve; 0: the law fits.
     where
-        Numbers of a finding that say where it lies.
+        Numbers of a finding that say in which harmonics it lies.
     known
         False if the test does not tell misfit from noise.
     """
@@ -393,42 +393,6 @@ MAX_UNEXPLAINED = 5e-3
 
 _MAX_UNEXPLAINED_OF_HARMONIC = 0.1
 """Misfit of a higher harmonic, relative to that harmonic."""
-
-_SHARE_LOCATED, _MAX_RANGE = 0.6, 0.75
-"""Share of the misfit that lies in a stated range, and the part of the tested range that it may cover."""
-
-
-def shortest_range(values: Array, power: Array) -> tuple[float, float] | None:
-    """Return the shortest range with most of the power; None if it is nearly all of the tested range."""
-    order = np.argsort(values, kind="stable")
-    ranked, sums = values[order], np.concatenate([[0.0], np.cumsum(np.maximum(power[order], 0.0))])
-    best: tuple[float, float] | None = None
-    for i in range(len(ranked)):
-        j = int(np.searchsorted(sums, sums[i] + _SHARE_LOCATED * sums[-1]))
-        if j <= len(ranked) and (best is None or ranked[j - 1] - ranked[i] < best[1] - best[0]):
-            best = (float(ranked[i]), float(ranked[j - 1]))
-    if best is None or best[1] - best[0] > _MAX_RANGE * (ranked[-1] - ranked[0]):
-        return None
-    return best
-
-
-def locate_misfit(
-    best: CandidateFit, points: Points, pairs: NDArray[np.intp], missing: NDArray[np.bool_], misfit: Array
-) -> dict[str, Quantity]:
-    """Return the harmonics, frequencies and amplitudes of the misfit beyond noise."""
-    numbers = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
-    orders = np.repeat(np.arange(len(missing)), 2)[1:]
-    rows = best.compared & missing[orders]
-    # neighbours do not share noise: the mean of their product is the power of the misfit
-    power = np.sum(best.residual[pairs[:, 0]][:, rows] * best.residual[pairs[:, 1]][:, rows], axis=1)
-    for name, values, unit in (
-        ("frequency", points.omega / (2 * np.pi), "Hz"),
-        ("amplitude", points.amplitude, "m"),
-    ):
-        span = shortest_range(values[pairs].mean(axis=1), power)
-        if span is not None:
-            numbers |= {f"{name} from": Quantity(span[0], unit), f"{name} to": Quantity(span[1], unit)}
-    return numbers
 
 
 def max_misfits(points: Points, count: int) -> Array:

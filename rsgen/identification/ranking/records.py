@@ -16,7 +16,6 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Quantity
 from rsgen.common.tolerances import MISFIT_NEGLIGIBLE
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.oscillator import Model
@@ -38,7 +37,6 @@ from rsgen.identification.ranking.candidate_fit import (
     RankedTest,
     Round,
     fit_candidate,
-    shortest_range,
 )
 from rsgen.identification.ranking.library_sums import base_elements, surrogates
 from rsgen.law.element import Element
@@ -154,12 +152,8 @@ class RecordRound(Round):
         by_chance = float(np.sqrt(np.mean(fitted.residual**2))) < max_misfit_of_noise(fit)
         beyond = max(total**2 - np.nan_to_num(self.noise) ** 2, 0)
         systematic = 0.0 if known and by_chance else float(np.sqrt(beyond))
-        if not known or systematic <= MAX_UNEXPLAINED:
-            return Misfit(systematic, 0.0, {}, known)
-        frequency = fit.lines.spectra.omega[fit.lines.used] / (2 * np.pi)
-        span = shortest_range(frequency, np.sum(fitted.residual**2, axis=1))
-        ends = () if span is None else zip(("frequency from", "frequency to"), span, strict=True)
-        return Misfit(systematic, systematic, {name: Quantity(end, "Hz") for name, end in ends}, known)
+        fits = not known or systematic <= MAX_UNEXPLAINED
+        return Misfit(systematic, 0.0 if fits else systematic, {}, known)
 
 
 class RecordTest(RankedTest):

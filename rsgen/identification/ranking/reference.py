@@ -67,7 +67,6 @@ from rsgen.identification.ranking.candidate_fit import (
     RankedTest,
     Round,
     fit_candidate,
-    locate_misfit,
     max_misfits,
 )
 from rsgen.identification.ranking.library_sums import surrogates
@@ -458,7 +457,7 @@ class PointRound(Round):
         counted = np.bincount(np.repeat(np.arange(len(misfit)), 2)[1:], fitted.compared) * len(pairs)
         missing = beyond_chance(correlation, counted) & (misfit > max_misfits(points, len(misfit)))
         unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
-        where = locate_misfit(fitted, points, pairs, missing, misfit) if missing.any() else {}
+        where = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
         if missing[0]:
             mean = points.harmonics[:, 0].real
             offset, left = constant_mean(mean[~out], points.amplitude[~out])

@@ -380,14 +380,11 @@ def _older(result: Mapping[str, Any]) -> StatedVerdict:
 
 @says("no-law-fits")
 def _no_law_fits(f: Finding) -> str:
-    """Say what the best law leaves, and in which harmonics, where in frequency and amplitude."""
+    """Say what the best law leaves, and in which harmonics."""
     named = {"harmonic 0": "mean", "harmonic 1": "fundamental"}
     orders = [name for name in f.numbers if name.startswith("harmonic ")]
     shares = listed([f"{named.get(name, name)} ({error_text(f[name])})" for name in orders])
     text = f"it is unexplained in the {shares or 'response'}"
-    for name, before, unit in (("frequency", "mostly", "Hz"), ("amplitude", "at amplitudes", "m")):
-        if f"{name} from" in f.numbers:
-            text += f", {before} from {f[f'{name} from']:.4g} to {f[f'{name} to']:.4g} {unit}"
     if "unexplained" not in f.numbers:
         return text
     left, noise = error_text(f["unexplained"]), error_text(f["noise"])
