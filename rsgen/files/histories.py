@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -12,13 +13,15 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, quantities
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
 from rsgen.files.column_titles import unit_doubts
 from rsgen.files.file_table import file_of, read_channels, scaled
+from rsgen.files.inspection import clues
+from rsgen.files.inspection.listing import list_contents
 from rsgen.files.nominal_levels import level_of_file
-from rsgen.files.plan import HistoryRule, MeasuredTest
+from rsgen.files.plan import SECONDS, HistoryRule, MeasuredTest
 
 _TIME_TOLERANCE = 1e-6
 """Of a sample: start and stop as near to one are the instant of it."""
@@ -52,6 +55,39 @@ def _rows(
         if channel.samples in rows:
             findings += unit_doubts(test, label, titles, channel)
     return rows
+
+
+_MAX_RATE_ERROR = 1e-3
+"""Of a rate against the instants in the file: clocks are better, and instants rounded to a step of them."""
+
+
+def _rate_doubts(test: MeasuredTest, path: Path, rate: float, length: int) -> list[Finding]:
+    """Doubt a rate that instants in the file contradict which the case does not read."""
+    with suppress(MeasurementError):
+        for entry in clues.readable(list_contents(path)):
+            if entry.size != length or not (clues.TIME(entry) or entry.unit in SECONDS):
+                continue
+            groups, *_ = read_channels(
+                test, path, [int(entry.path) if entry.path.isdigit() else entry.path], None
+            )
+            stamps = np.asarray(groups[0][0].values.ravel(), dtype=np.float64)
+            span, steps = stamps[-1] - stamps[0], np.diff(stamps)
+            even = np.linspace(stamps[0], stamps[-1], length)
+            # also False for NaN
+            if not (np.all(steps >= 0) and span > 0 and np.all(np.abs(stamps - even) < _MAX_UNEVEN * span)):
+                continue
+            error = _MAX_RATE_ERROR + 2 * float(np.min(steps[steps > 0])) / span
+            units = [SECONDS[entry.unit]] if entry.unit in SECONDS else [*SECONDS.values()]
+            rates = [(length - 1) / (span * unit) for unit in units]
+            if not any(abs(found / rate - 1) < error for found in rates):
+                names = {"file": shown_path(path), "column": clues.called(entry), "by": "rate"}
+                numbers = quantities("Hz", rate=rate, found=rates[0])
+                return [Finding("unit-contradicts-title", "doubt", "", numbers, names)]
+    return []
+
+
+_MAX_UNEVEN = 0.01
+"""Of the length of a record, by which its instants are off an even spacing where the clock was read late."""
 
 
 def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
@@ -148,6 +184,8 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     else:
         rate = rule.rate or 0.0
     samples = [rows[path][place] for path, place in zip(files, places, strict=True)]
+    if rule.time is None and number == 0:
+        findings += _rate_doubts(test, main, rate, len(samples[0]))
     lengths = {len(values) for values in samples}
     if len(lengths) > 1:
         counts = ", ".join(
@@ -155,6 +193,20 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
         )
         raise MeasurementError(f"{label}: samples differ in number: {counts}; as many of each are needed")
     return _Record(test, rate, start, samples, findings)
+
+
+_MIN_RATIO_OF_CUT = 1.5
+"""Of the largest response before a given start to that after it, which a decay has that begins before."""
+
+
+def _cut_findings(label: str, samples: NDArray[Any], part: slice) -> list[Finding]:
+    """Find that the larger part of a decay (n,) lies before the start that the case gives."""
+    size = np.abs(samples[: part.stop] - np.median(samples[part]))
+    before, after = (float(np.max(one, initial=0.0)) for one in (size[: part.start], size[part.start :]))
+    if before <= _MIN_RATIO_OF_CUT * after:
+        return []
+    numbers = quantities(ratio=before / max(after, float(np.finfo(float).tiny)))
+    return [Finding("decay-begins-larger", "warning", "", numbers, {"record": label, "by": "start"})]
 
 
 def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeHistory]:
@@ -171,6 +223,10 @@ def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeH
             f"{label}: nothing between start and stop; it lasts from {start:g} to {start + length / rate:g} s"
         )
     part = slice(begin, end)
+    findings = record.findings
+    if rule.excitation == "ring-down":
+        # of several sensors one is enough
+        findings = [*findings, *_cut_findings(label, record.samples[-1], part)]
     force, base = record.sum("force", part), record.sum("base", part)
     motions = {what: cast("NDArray[Any]", record.sum(what, part)) for what in test.motions}
     if base is not None:
@@ -187,7 +243,7 @@ def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeH
             level=level_of_file(test, number),
             start=start + begin / rate,
             label=label,
-            findings=tuple(record.findings),
+            findings=tuple(findings),
         )
         for what, samples in motions.items()
     ]

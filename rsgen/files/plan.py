@@ -286,6 +286,15 @@ class MeasuredTest(PlannedTest):
                 yield "frequency", "is found from the time histories; leave it out"
             if self.per_force:
                 yield "per_force", "is for frequency responses, not for time histories"
+            if given(self.sweep, "direction"):
+                yield "sweep.direction", "is found from the time histories; leave it out"
+            numbers = given(self.level, "value", "values", "column", "name", "spread")
+            if self.history.excitation == "ring-down" and numbers and not self.level.labels:
+                yield (
+                    "level",
+                    "has amounts, but no force drives a free decay, whose level is the largest force that it "
+                    f"stands for; add unit = {LABEL!r}, so that the numbers are names, or leave it out",
+                )
             needed = "a time history needs 'samples', its column, and nothing else"
         for name in (*self.made, "level"):
             for _, channel in self.terms(name) if name != "level" else ():

@@ -229,6 +229,10 @@ _MIN_POINTS_AT_RESONANCE = 5
 """Points within the width of a resonance below which one outlier decides the damping."""
 
 
+_MIN_SHARE_OF_RELEASE = 2 / 3
+"""Of the largest amplitude of a first period; where fitted ones stay below, a cubic term is half of it."""
+
+
 def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) -> tuple[Finding, ...]:
     """Return the findings of a test, "phase-gap" only where no law fits both groups of points.
 
@@ -333,6 +337,7 @@ class Findings:
         if not calibrated:
             found.append(Finding("not-calibrated", "info"))
         found += self._exclusions()
+        found += self._release()
         found += limit_findings(self.surface.findings, self.fit)
         if not (self.fit.regression.converged or misread):
             # where the steps ended says nothing of the best values, nor do the errors there
@@ -372,6 +377,16 @@ class Findings:
             decays=self.surface.decays,
             stopped=stopped_points(self.points, self.fit),
         )
+
+    def _release(self) -> list[Finding]:
+        """Find that amplitudes which are fitted are all far below those with which decays begin."""
+        taken = [f for f in self.surface.findings if f.code == "decay-taken"]
+        released = max((f["released"] for f in taken if "released" in f.numbers), default=0.0)
+        largest = float(np.max(self.points.amplitude[self.fit.regression.used], initial=0.0))
+        if not 0 < largest < _MIN_SHARE_OF_RELEASE * released:
+            return []
+        numbers = quantities("m", released=released, fitted=largest) | quantities(share=largest / released)
+        return [Finding("decay-begins-larger", "warning", numbers=numbers)]
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
         mass = nan if "m" in not_identifiable else self.fit.mass

@@ -127,6 +127,8 @@ OF_HISTORY: list[Changes] = [
     {"test.response.scale": "rms"},
     {"test.level": {"values": [1], "unit": "label"}, "identify": {"hold_out": ["0.6 V"]}},
     {"test.level": {"values": [1], "unit": "V"}},
+    {"test.sweep": {"direction": "down"}},
+    {"test.level": {"values": ["3 N"]}, "test.excitation": "ring-down", "test.force": GONE},
     {
         "test.time.rate": "-4 Hz", "test.demodulation": {"band": ["3 Hz", "2 m"], "bandwidth": 0},
         "test.file": ["a.csv", "../b"], "test.force": {"samples": 1, "scale": "rms", "unit": "mm"},

@@ -345,3 +345,57 @@ def test_a_decay_that_friction_stops_too_soon_is_left_out_and_says_so() -> None:
     assert np.array_equal(both.force, from_free_decay(long, mass=0.5, start=0.16).force)
     with pytest.raises(MeasurementError, match="start: 1 instants for 2 histories"):
         from_free_decay([short, long], mass=0.5, start=[0.16])
+
+
+def dragged(release: float = 5.5e-3) -> np.ndarray:
+    """Return the acceleration of a beam let go after 0.75 s at rest, at 2000 Hz; drag damps it fast."""
+    t = np.arange(0, 8, 1 / 2000)
+
+    def motion(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -(8800 * y[0] + 0.55 * y[1] + 2.2e8 * y[0] ** 3 + 9 * y[1] * abs(y[1])) / 0.62]
+
+    x = solve_ivp(motion, (0, 8), [release, 0], t_eval=t, rtol=1e-9, atol=1e-12).y
+    free = np.array([motion(0.0, y)[1] for y in x.T])
+    return np.concatenate([np.zeros(1500), free]) + 0.04 * np.random.default_rng(5).standard_normal(17_500)
+
+
+def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
+    """A beam plucked to 5.5 mm was fitted up to 1.6 mm, seven periods later, without a word."""
+    law = "k*x + k3*x**3 + c*v + q*v*abs(v)"
+    surface = from_free_decay(TimeHistory(2000, None, dragged(), "acceleration"), mass=0.62)
+    taken = one(surface.findings, "decay-taken")
+    assert taken["released"] == pytest.approx(5.5e-3, rel=0.15)
+    # the first window of ten periods begins with the decay, at some 22 Hz
+    assert (taken["first"] - taken["begin"]) * 20 == pytest.approx(5.3, abs=0.4)
+    assert "the first period has 0.0048 m" in rsgen.sentence(taken)
+    found = rsgen.identify(surface, law, mass=0.62)
+    short = one(found.findings, "decay-begins-larger")
+    assert short.severity == "warning"
+    assert short["fitted"] < 0.5 * short["released"]
+    assert "is fitted is 1.8" in rsgen.sentence(short)
+    # a damper of a few per mille loses little in five periods
+    light = from_free_decay(TimeHistory(RATE, None, decay("cubic"), "displacement"), mass=MASS)
+    assert "decay-begins-larger" not in codes(rsgen.identify(light, "k*x + c*v + k3*x**3", mass=MASS))
+
+
+def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_named() -> None:
+    history = TimeHistory(2000, None, dragged(), "acceleration")
+    early = follow_decay(history, mass=0.62, start=0.5)
+    assert one(early.findings, "decay-taken")["begin"] == pytest.approx(0.75, abs=1e-3)
+    assert np.array_equal(early.damping, follow_decay(history, mass=0.62).damping)
+    with pytest.raises(MeasurementError, match="or the start of 8 s cuts it"):
+        follow_decay(history, mass=0.62, start=8.0)
+
+
+def test_levels_of_decays_are_labels() -> None:
+    decays = [
+        TimeHistory(2000, None, dragged(x), "acceleration", level=label)
+        for x, label in ((2.5e-3, 1), (4e-3, 2))
+    ]
+    surface = from_free_decay(decays, mass=0.62)
+    assert surface.label is not None
+    assert np.unique(surface.label).tolist() == [1, 2]
+    assert "the levels 1, 2 are labels" in rsgen.sentence(one(surface.findings, "levels-disagree"))
+    hidden = rsgen.Observation(hold_out=[2])
+    (held,) = rsgen.identify(surface, "k*x + k3*x**3 + c*v + q*v*abs(v)", hidden, mass=0.62).held_out
+    assert held.level == surface.levels[1]

@@ -268,7 +268,7 @@ def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path):
         "level_N,run,accelerance_g_per_N,freq_Hz,phase_deg",
         {"nominal": True},
         {"quantity": "acceleration", "unit": "g/N", "per_force": True, "phase_sense": "lead"},
-        {"column": "level_N", "unit": "N"},
+        {"column": "level_N", "unit": "N", "scale": "peak"},
     ),
     (
         "level_N,Force in N (rms),Acceleration in m/s^2 (rms),freq_Hz,phase_deg",
@@ -480,3 +480,51 @@ def test_instants_of_any_clock_are_no_frequency_and_no_response(tmp_path):
 def test_more_columns_than_are_read_are_counted(tmp_path, run_cli):
     path = table(tmp_path / "a.csv", ",".join(f"c{n}" for n in range(12_000)), [",".join("1" * 12_000)] * 5)
     assert run_cli("inspect", path).err == f"{path}: more than 10000 columns; at most that many are read\n"
+
+
+@pytest.mark.parametrize(("level", "scale", "asked"), [
+    ("level_N", "peak", True), ("level_N (rms)", "rms", False), ("level_N (peak)", None, False),
+])  # fmt: skip
+def test_levels_of_responses_over_force_are_asked_for_their_scale(tmp_path, level, scale, asked):
+    """Amplitudes alone follow from such levels: root mean squares taken for peaks show nowhere else."""
+    rows = [f"{n},{1 + f / 7},{10 + f / 10},{-10 - 4 * f}" for n in (1, 2) for f in range(40)]
+    path = table(tmp_path / "a.csv", f"{level},accelerance [m/s^2/N],freq_Hz,phase_deg", rows)
+    assert proposed(path)["level"].get("scale") == scale
+    assert ("TODO" in doubts(path).get("test.level.scale", "")) is asked
+
+
+def test_the_scale_of_levels_in_file_names_is_asked_for(tmp_path, run_cli):
+    rows = [f"{10 + f / 10},{1 + f / 7},{-10 - 4 * f}" for f in range(40)]
+    files = [
+        table(tmp_path / f"frf_{n}N.csv", "f [Hz],accelerance [m/s^2/N],phase [deg]", rows) for n in (1, 2)
+    ]
+    case = tmp_path / "frf.toml"
+    assert run_cli("init", "--from", *files, case).code == 0
+    written = tomllib.loads(case.read_text("utf-8"))["test"]["level"]
+    assert written == {"name": "frf_{level}N.csv", "scale": "peak"}
+    said = run_cli("check", case).out
+    assert "not confirmed: scale of test.level" in said
+
+
+@pytest.mark.parametrize("ending", [".npy", ".mat", ".npz"])
+def test_a_matrix_without_names_is_asked_for_its_columns_as_a_case_writes_them(tmp_path, ending):
+    """The draft was one of time histories, and called the columns by names that no case can use."""
+    path, matrix = tmp_path / f"a{ending}", np.arange(160.0).reshape(40, 4)
+    if ending == ".npy":
+        np.save(path, matrix)
+    elif ending == ".mat":
+        scipy.io.savemat(path, {"data": matrix})
+    else:
+        np.savez(path, data=matrix)
+    name = "array" if ending == ".npy" else "data"
+    test = proposed(path)
+    assert test["frequency"] == {"column": "?"}
+    assert "excitation" not in test
+    assert f"{name}[1], {name}[2], {name}[3], {name}[4]" in doubts(path)["test.response.amplitude"]
+
+
+def test_a_record_of_a_motion_alone_has_no_force_in_its_draft(tmp_path):
+    rows = [f"{n / 100},{(-1) ** n}" for n in range(40)]
+    path = table(tmp_path / "pluck_1.csv", "t [s],a_tip [g]", rows)
+    assert "force" not in proposed(path)
+    assert "no column is left for a force" in doubts(path)["test.excitation"]

@@ -93,7 +93,7 @@ def test_levels_are_read_from_the_titles_of_functions(tmp_path):
     nowhere = [(0, 0, 1.0)] * 2
     path = modal_file(tmp_path / "a.uff", nowhere, ("receptance, 2 N", "receptance, 10 N"))
     tables, surface, doubts = read_draft(path)
-    assert tables["level"] == {"values": ["2 N", "10 N"]}
+    assert tables["level"] == {"values": ["2 N", "10 N"], "scale": "peak"}
     assert "titles" in doubts["test.level.values"]
     assert surface.levels.tolist() == [2.0, 10.0]
     np.testing.assert_allclose(surface.harmonics[:, 1], surface.level * np.tile(RECEPTANCE, 2), rtol=1e-5)

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.histories import read_histories
 from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
+from rsgen.report.wording.sentences import sentence
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
@@ -102,6 +104,46 @@ def test_a_rate_beside_instants_must_be_theirs(tmp_path):
         read(64.0, missing=2)
     with pytest.raises(MeasurementError, match="give the rate, too, where the time stamps are only rounded"):
         read(None)
+
+
+@pytest.mark.parametrize(("title", "step", "rate", "doubted"), [
+    ("t [s]", 1 / 64, 64.0, False), ("t [s]", 1 / 64, 16.0, True), ("zeit_ms", 1000 / 64, 64.0, False),
+    ("zeit_ms", 1000 / 64, 32.0, True), ("time", 1000 / 64, 64.0, False), ("time", 1 / 64, 128.0, True),
+    ("t [s]", 0.0, 16.0, False), ("level", 1 / 64, 16.0, False),
+])  # fmt: skip
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
+def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step, rate, doubted, ending):
+    """A rate of 1000 Hz beside instants of 2000 Hz passed, with a stiffness four times too small."""
+    path = tmp_path / f"a{ending}"
+    # instants have three decimals, and a clock that is read late
+    time = np.round(step * (np.arange(N) + 0.02 * FORCE), 3)
+    if ending == ".csv":
+        rows = [f"{t:.3f},{f:.17g},{f:.17g}" for t, f in zip(time, FORCE, strict=True)]
+        path.write_text("\n".join([f"{title},F,a", *rows]) + "\n", encoding="utf-8")
+    else:
+        if "[" in title:
+            pytest.skip("a unit in brackets is of a text")
+        np.savez(path, **{title: time, "F": FORCE, "a": FORCE})
+    (got,) = read_histories(history(path, history=swept(rate=rate)))
+    found = [finding for finding in got.findings if finding.code != "unit-of-file"]
+    assert [(f.code, f.severity) for f in found] == [("unit-contradicts-title", "doubt")] * doubted
+    if doubted:
+        said = sentence(found[0])
+        assert f"the rate of the case is {rate:g} Hz" in said
+        assert re.search(r"those of 6\d\.?\d* Hz", said)
+
+
+def test_a_start_that_cuts_a_decay_is_named(tmp_path):
+    t = np.arange(0, 20, 1 / 200)
+    np.savez(tmp_path / "a.npz", x=1e-3 * np.exp(-0.3 * t) * np.cos(60 * t))
+    for start, cut in ((0.0, False), (5.0, True)):
+        rule = HistoryRule("ring-down", rate=200.0, start=start)
+        got, *_ = read_histories(
+            history(tmp_path / "a.npz", force=None, response="x", quantity="displacement", history=rule)
+        )
+        found = [finding for finding in got.findings if finding.code != "unit-of-file"]
+        assert [f.code for f in found] == ["decay-begins-larger"] * cut
+    assert "before the start that the case gives the response is up to 4.5 times" in sentence(found[0])
 
 
 def test_integers_of_a_recorder_are_scaled(tmp_path):

@@ -119,8 +119,10 @@ def _drafted(files: list[Path], target: Path) -> str:
     proposal.tables["test"]["file"] = named if len(named) > 1 else named[0]
     names, in_g = [file.name for file in files], proposal.tables.get("test.base", {}).get("unit") == "g"
     form = level_form(names, "g") if in_g else level_form(names)
-    if form and not set(proposal.tables.get("test.level", {})) - {"value"}:
-        proposal.tables["test.level"] = {"name": form}
+    level = proposal.tables.get("test.level", {})
+    if form and not set(level) - {"value", "scale"}:
+        level.pop("value", None)
+        proposal.tables["test.level"] = {"name": form} | level
         proposal.doubts["test.level.name"] = "by the names of the files, of which * is any part"
     return proposal_text(proposal)
 

@@ -63,6 +63,8 @@ _MIN_PERIODS = WINDOW_PERIODS * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
 """Of a decay: as many independent windows."""
 _REACH_OF_WINDOW = 0.375
 """Of its length, from its middle: a motion that stops there changes the slope of the envelope by 0.2 %."""
+_REACH_OF_FIRST = 0.54
+"""Of its length, from the release to the middle of the first window; it is known to some percent."""
 _NO_MASS = (
     "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
     "known: all parameters are then per kg"
@@ -139,8 +141,9 @@ def from_free_decay(
     """Turn free decays of one structure into a response surface.
 
     Every point has the force of its motion as a steady one, F = (k(X) - m omega^2 + i omega c(X)) X; each
-    decay is one level, named by its largest force. A record with several blows has several decays; one whose
-    decay cannot be followed is left out if there are others.
+    decay is one level, named by its largest force, and has that of its history, if all have one, as a label.
+    A record with several blows has several decays; one whose decay cannot be followed is left out if there
+    are others.
 
     Parameters
     ----------
@@ -172,10 +175,12 @@ def from_free_decay(
             f"start: {len(starts)} instants for {len(several)} histories; give one or one each"
         )
     decays, findings, faults = list[FreeDecay](), list[Finding](), list[MeasurementError]()
+    labels = list[float | None]()
     for history, begin in zip(several, starts, strict=True):
         names = {"record": history.label}
         try:
             decays += map(_certain, _follow_all(history, mass, band, harmonics, begin))
+            labels += [history.level] * (len(decays) - len(labels))
             numbers = {"mass": Quantity(mass, "kg")}
             findings.append(Finding("force-of-decay", "info", numbers=numbers, names=names))
         except MeasurementError as fault:
@@ -184,9 +189,12 @@ def from_free_decay(
     if not decays:
         raise faults[0]
     force = [decay.force for decay in decays]
+    counts = [len(part) for part in force]
     level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
+    findings += _label_findings(labels, level)
     return ResponseSurface(
-        level=np.repeat(level, [len(part) for part in force]),
+        level=np.repeat(level, counts),
+        label=None if None in labels else np.repeat(np.array(labels, dtype=np.float64), counts),
         frequency=np.concatenate([decay.frequency for decay in decays]),
         force=np.concatenate(force),
         harmonics=np.concatenate([decay.harmonics for decay in decays]),
@@ -194,6 +202,15 @@ def from_free_decay(
         overlapping=True,
         findings=(*findings, *(finding for decay in decays for finding in decay.findings)),
     )
+
+
+def _label_findings(labels: Sequence[float | None], level: Sequence[float]) -> list[Finding]:
+    """Say which label is which level [N] of decays, where all have one."""
+    if None in labels:
+        return []
+    names = {"labels": ", ".join(f"{one:g}" for one in labels), "unit": "N", "by": "decay"}
+    names["amounts"] = ", ".join(f"{one:g} N" for one in level)
+    return [Finding("levels-disagree", "info", names=names)]
 
 
 def _certain(decay: FreeDecay) -> FreeDecay:
@@ -264,7 +281,7 @@ def _follow_all(
         except MeasurementError as error:
             fault = error
     if fault is not None and not decays:
-        raise fault
+        raise fault if start is None else MeasurementError(f"{fault}; or the start of {start:g} s cuts it")
     if len(stretches) > 1:
         numbers = {"found": Quantity(len(stretches)), "used": Quantity(len(decays))}
         several = Finding("decay-taken", "info", "", numbers, {"record": history.label})
@@ -336,13 +353,34 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
     begin = Quantity(history.start + stretch.begin / history.rate, "s")
     unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVE[history.quantity]
     numbers = quantities("s", begin=begin, first=time[0], last=time[-1])
-    numbers |= quantities("m", large=size[0], small=size[-1], floor=stretch.floor / unit)
+    released = _released(history, stretch.begin, float(decay.frequency[0]))
+    numbers |= quantities("m", large=size[0], small=size[-1], floor=stretch.floor / unit, released=released)
     after = "drive" if stretch.driven and not stretch.given else "start" if stretch.given else "blow"
     after = "hold" if stretch.held else after
     findings = [Finding("decay-taken", "info", "", numbers, {**names, "after": after})]
     if stretch.driven and stretch.given:
         findings.append(Finding("decay-not-free", "doubt", "", {"begin": begin}, {**names, "by": "drive"}))
     return tuple(findings)
+
+
+_FREQUENCIES_OF_RELEASE = np.linspace(0.6, 1.6, 101)
+"""Of the first period of a decay, over that of its first window: a hardening spring is faster before."""
+
+
+def _released(history: TimeHistory, begin: int, frequency: float) -> float:
+    """Return the amplitude [m] of the first period of a decay: of the sine that is nearest to it."""
+    samples = np.asarray(
+        history.response[begin : begin + int(history.rate / frequency) + 1], dtype=np.float64
+    )
+    amplitude, least = 0.0, np.inf
+    for omega in 2 * pi * frequency * _FREQUENCIES_OF_RELEASE:
+        turn = omega * np.arange(len(samples)) / history.rate
+        columns = np.stack([np.ones_like(turn), np.cos(turn), np.sin(turn)], axis=1)
+        parts = np.linalg.lstsq(columns, samples, rcond=None)[0]
+        left = float(np.sum((samples - columns @ parts) ** 2))
+        if left < least:
+            amplitude, least = float(np.hypot(*parts[1:])) / omega ** DERIVATIVE[history.quantity], left
+    return amplitude
 
 
 def _tracked(
@@ -355,6 +393,8 @@ def _tracked(
     time, frequency = _follow(samples, history.rate, first)
     if len(time) < 2:
         raise _too_short(history, first, len(samples) / history.rate * first)
+    # the first window begins with the decay
+    time[0] = min(_REACH_OF_FIRST * WINDOW_PERIODS / frequency[0], (time[0] + time[1]) / 2)
     for number in range(REFERENCE_PASSES):
         curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
         time, envelope = _demodulated(samples, history, curve, time, harmonics)
@@ -390,7 +430,9 @@ def _demodulated(
 ) -> tuple[Array, ComplexArray]:
     """Return instants (n,) [s] and envelopes (n, orders, 3) [SI] against a curve of the frequency [Hz]."""
     rate, turns = history.rate, curve.antiderivative()
-    t = independent_instants(lambda t: WINDOW_PERIODS / np.asarray(curve(t)), time[0], time[-1])
+    # a period more, so that a frequency a little lower than in the pass before does not lose the last instant
+    end = time[-1] + 1 / float(curve(time[-1]))
+    t = independent_instants(lambda t: WINDOW_PERIODS / np.asarray(curve(t)), time[0], end)
     period = rate / curve(t)
     orders = highest_order(harmonics, rate, float(np.max(curve(t))))
     windows = place_windows(t * rate, WINDOW_PERIODS * period, period, orders, len(samples))

@@ -43,6 +43,8 @@ _MIN_SPECTRA = 8
 """In that part, for a median of either half."""
 _SHARE_OF_HOLD = 0.9
 """Of the largest displacement after a release, which a held one exceeds."""
+_SHARE_AT_REST = 0.2
+"""Of the largest response after a release, which one at rest stays below."""
 _REST_PARTS = 10
 """Of a record; the last gives offset and noise of the force."""
 _MAX_CREST_OF_SINE = 2.5
@@ -120,7 +122,9 @@ def find_decays(
         if given:
             # the peak of a decay without drive lies in its first spectra
             seen = begin > first + SPECTRUM_PERIODS / _HOP_PERIODS * step
-            begin = first
+            # at rest until later: the start was read off before the release
+            given = not _rests(history, first, begin, line)
+            begin = first if given else begin
         held = _held_until(history, first, first + int(top * step), end, line)
         if held is not None:
             begin, seen, given = held, True, False
@@ -200,6 +204,13 @@ def _held_until(history: TimeHistory, first: int, onset: int, end: int, line: fl
         if len(size) > history.rate / line and float(np.median(size)) > _SHARE_OF_HOLD * largest:
             return begin + low + int(np.flatnonzero(size >= np.median(size))[-1])
     return None
+
+
+def _rests(history: TimeHistory, first: int, begin: int, line: float) -> bool:
+    """Return whether a structure is at rest from ``first`` on, until half a period before ``begin``."""
+    away = np.abs(history.response[first : begin + 1] - np.median(history.response[first:]))
+    before = away[: -int(history.rate / line / 2)]
+    return len(before) > 0 and float(np.max(before)) < _SHARE_AT_REST * float(away[-1])
 
 
 def _amplitudes(samples: NDArray[Any], rate: float, line: float, band: tuple[float, float] | None) -> Array:

@@ -104,7 +104,7 @@ def propose(contents: Contents) -> Proposal | None:
         _propose_table(draft, _abscissa(draft.free)[1] or frequency)
     elif not any(entry.size >= _MIN_SAMPLES for entry in draft.free):
         return None
-    elif contents.format == "csv" and time is None:
+    elif time is None and (contents.format == "csv" or _is_table(draft.free)):
         _propose_nameless(draft)
     else:
         _propose_history(draft, time)
@@ -116,8 +116,21 @@ def propose(contents: Contents) -> Proposal | None:
     return Proposal(tables | draft.tables, draft.doubts)
 
 
+_MAX_ROWS_OF_TABLE = 5000
+_MAX_COLUMNS_OF_TABLE = 9
+"""Of a matrix without names; larger ones are drafted as histories. Either asks for every column."""
+
+
+def _is_table(free: Sequence[Entry]) -> bool:
+    """Return True if the only array of a file is a matrix of the size of a table of amplitudes."""
+    sides = sorted(side for entry in free[:1] for side in entry.shape if side > 1)
+    table = len(sides) == 2 and sides[0] <= _MAX_COLUMNS_OF_TABLE and sides[1] <= _MAX_ROWS_OF_TABLE
+    return len(free) == 1 and table
+
+
 def _propose_nameless(draft: _Draft) -> None:
-    """Write the tables of a case for a text whose columns have names that say nothing, or none."""
+    """Write the tables of a case for columns that have names which say nothing, or none."""
+    draft.free = [channel for entry in draft.free for channel in _channels(entry)]
     draft.tables |= {"test.frequency": {"column": UNKNOWN}, "test.force": {"amplitude": UNKNOWN, "unit": "N"}}
     _ask_response(draft, draft.free, "amplitude")
     draft.tables["test.response"] |= {"phase": UNKNOWN, "phase_sense": UNKNOWN}
@@ -247,8 +260,15 @@ def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: int) ->
     elif not driven:
         draft.doubts["test.level.value"] = f"{clues.TODO}write the force amplitude of this file"
         table = {"value": f"{UNKNOWN} N"}
-    if table:
-        draft.tables["test.level"] = table
+    if not table:
+        return
+    title = "" if level is None else clues.called(level)
+    if draft.tables["test.response"].get("per_force") and not clues.PEAK.search(title):
+        # amounts alone follow from it, so that no mass or fit would show a wrong one
+        table["scale"] = "rms" if clues.RMS.search(title) else "peak"
+        if table["scale"] == "peak":
+            draft.doubts["test.level.scale"] = _SCALE
+    draft.tables["test.level"] = table
 
 
 # ----------------------------------------------------------------------------
@@ -400,6 +420,8 @@ def _write_signals(
                 f"{clues.TODO}no force, and the only motion is that of a base: write that of the mass into "
                 "the file, such as transmissibility times base"
             )
+    elif draft.tables["test"]["excitation"] == UNKNOWN and responses and not free:
+        draft.doubts["test.excitation"] += "; no column is left for a force, which all but a ring-down need"
     elif draft.tables["test"]["excitation"] != "ring-down":
         draft.tables["test.force"] = {"samples": UNKNOWN, "unit": "N"}
         draft.doubts["test.force.samples"] = (
@@ -419,7 +441,7 @@ def _write_signals(
 def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
-    names = listed(list(map(clues.called, columns)))
+    names = listed([one.path if one.path.endswith("]") else clues.called(one) for one in columns])
     draft.doubts["test.response.unit"] = f"{clues.TODO}write its unit"
     draft.doubts[f"test.response.{key}"] = clues.TODO + (
         f"write which is the response, its quantity and unit: {names}"
