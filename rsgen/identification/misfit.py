@@ -133,7 +133,7 @@ def misfit_findings(
     if known and not surface.decays and (fixed := _contradicted(surface, fit, most)):
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
-    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names)]
+    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     if not names.keys() & {"term", "free", "side"}:
@@ -211,6 +211,26 @@ def _cause(
         names = {"free": "curves"} if curves < factors else {"levels": "force"}
         left_by_cause = min(curves, factors) * misfit
     return left_by_term, left_by_cause, names if left_by_cause < enough else {}
+
+
+def _carrier(fit: Fit) -> dict[str, str]:
+    """Return as "where" the harmonic that carries most of a systematic misfit; none of the force.
+
+    Force and fundamental of a point share its residual, so that neither of them carries it alone.
+    """
+    found, points = fit.regression, fit.problem.observed.points
+    names, count = list[str](), found.residual.shape[1]
+    for step in (1, 2):
+        # harmonics that are compared, of an odd law the odd ones; real parts of all, then imaginary parts
+        others = [h for h in fit.problem.observed.recorded if h != 1 and (step == 1 or h % 2)]
+        real = ["", "", *(f"harmonic {h}" if h else "the mean" for h in others), *[""] * points.far.shape[1]]
+        every = [*real, *(name for name in real if name != "the mean")]
+        names = every if len(every) == count else names
+    power = np.sum(found.residual[found.used] ** 2, axis=0)
+    power *= systematic_columns(found.residual, points.pairs(found.used))
+    of_name = {name: power[[other == name for other in names]].sum() for name in names if name}
+    most = max(of_name, key=of_name.__getitem__, default="")
+    return {"where": most} if most and of_name[most] > power.sum() / 2 else {}
 
 
 def _of_systematic_columns(fit: Fit) -> float:

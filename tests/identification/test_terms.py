@@ -144,6 +144,13 @@ def asymmetric(**signals: object) -> rs.ResponseSurface:
     return replace(surface, harmonics=harmonics)
 
 
+def test_of_a_systematic_misfit_the_harmonic_that_carries_most_of_it_is_named():
+    found = rs.identify(asymmetric(h0=-1.0), "k*x + c*v + k2*x**2 + k3*x**3")
+    (misfit,) = (finding for finding in found.findings if finding.code == "law-does-not-fit")
+    assert misfit.names["where"] == "harmonic 2"
+    assert "systematic, not noise, most of it in harmonic 2 of the response" in sentence(misfit)
+
+
 def test_where_fundamentals_alone_lack_a_spring_an_even_one_is_proposed_too():
     law, nothing = "k*x + c*v + k3*x**3", {f"h{order}": np.nan for order in (0, 2, 3, 4, 5, 6, 7)}
     found = rs.identify(asymmetric(**nothing), law, mass=0.48)
