@@ -142,7 +142,7 @@ def exclusion_findings(
     count = int(np.count_nonzero(excluded))
     limits = MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE
     severity = severity_of(count / len(points), *limits) if count > _MAX_SINGLE_EXCLUDED else "warning"
-    names = dict[str, str]()
+    names = {"by": "fall"} if decays else dict[str, str]()
     if 0 < count == numbers["excluded"].value <= _MAX_SINGLE_EXCLUDED and not decays:
         where = points_at(points.level[excluded], points.omega[excluded] / 2 / np.pi, level_unit)
         jump = all(at_jump(points.amplitude[rows], excluded[rows]) for rows in points.runs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -373,6 +374,9 @@ def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
     assert short.severity == "warning"
     assert short["fitted"] < 0.5 * short["released"]
     assert "is fitted is 1.8" in rsgen.sentence(short)
+    # jumps were given as the reason, which a decay has not
+    excluded = rsgen.sentence(one(found.findings, "points-excluded"))
+    assert re.search(r"points were excluded: they disagree .* falls too fast within the window", excluded)
     # a damper of a few per mille loses little in five periods
     light = from_free_decay(TimeHistory(RATE, None, decay("cubic"), "displacement"), mass=MASS)
     assert "decay-begins-larger" not in codes(rsgen.identify(light, "k*x + c*v + k3*x**3", mass=MASS))
