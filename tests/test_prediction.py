@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from rsgen.data.history import SweepLaw, from_swept_sine
@@ -11,8 +12,8 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
-from rsgen.identification.prediction.amplitude_balance import balance_of
-from rsgen.identification.prediction.resonance_curves import as_identification, predict_shown
+from rsgen.identification.prediction.amplitude_balance import as_identification, balance_of
+from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import make_element
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
@@ -415,3 +416,70 @@ def test_of_a_curve_that_the_band_cuts_the_largest_amplitude_is_not_stated():
     assert prediction[3.0].rises_at_end
     assert set(said.numbers) == {"level", "at", "reached"}
     assert "its peak is not known, beyond the amplitudes that were tested" in sentence(said)
+
+
+STOP = Oscillator(1.2, "k*x + c*v + ks*Max(x - g, 0)", {"k": 2e4, "c": 3.0, "ks": 2e5, "g": 1e-4})
+
+
+def true_multipliers(omega, force, start):
+    """Integrate a motion next to the stop and its equations of variation; refine its start."""
+
+    def rates(t, state):
+        x, v = state[:2]
+        spring = 2e4 * x + 2e5 * max(x - 1e-4, 0)
+        slope = 2e4 + 2e5 * (x > 1e-4)
+        moved = [state[3], -(slope * state[2] + 3 * state[3]) / 1.2]
+        moved += [state[5], -(slope * state[4] + 3 * state[5]) / 1.2]
+        return [v, (force * np.cos(omega * t) - spring - 3 * v) / 1.2, *moved]
+
+    period = 2 * np.pi / omega
+    for _ in range(6):
+        run = solve_ivp(
+            rates, (0, period), [*start, 1, 0, 0, 1], rtol=1e-9, atol=1e-13, max_step=period / 300
+        )
+        end = run.y[:, -1]
+        change = np.array([end[[2, 4]], end[[3, 5]]])
+        start = start + np.linalg.solve(change - np.eye(2), start - end[:2])
+    turn = np.exp(-1j * omega * run.t)
+    return np.linalg.eigvals(change), 2 * abs(np.trapezoid(run.y[0] * turn, run.t)) / period
+
+
+def test_where_the_period_doubles_next_to_a_stop_the_curve_is_unstable():
+    prediction = predict(STOP, [1.0, 8.0, 16.0], band=(35.0, 90.0))
+    curve = prediction[16.0]
+    balance = balance_of(as_identification(STOP, [16.0]))
+    lost = np.flatnonzero(np.abs(curve.multiplier) > 1)
+    seen = []
+    for place in (lost[0] - 1, *lost, lost[-1] + 1):
+        omega = 2 * np.pi * curve.frequency[place : place + 1]
+        at = balance.solve(curve.amplitude[place : place + 1], omega)
+        motion = at.motion(omega).turned(-np.angle(at.force))
+        found, amplitude = true_multipliers(omega[0], 16.0, motion.states()[0])
+        assert abs(amplitude / curve.amplitude[place] - 1) < 1e-3  # harmonics of the balance are finite
+        known = curve.multiplier[place]
+        # corners of the law between 256 samples, where the motion lasts
+        assert np.abs(found - known).min() < 0.03 or np.abs(found - known.conjugate()).min() < 0.03
+        assert curve.stable[place] == (np.abs(found).max() < 1)
+        seen.append(found.real.min())
+    assert min(seen) < -1.4
+    assert not len(curve.folds) or np.all(np.abs(curve.folds[:, 0] - 45) > 5)
+    assert list(prediction[1.0].stable) == list(np.abs(prediction[1.0].multiplier) < 1)
+    (said,) = (f for f in prediction.findings if f.code == "motion-does-not-last")
+    assert (said["level"], said["levels"], said.names["by"]) == (16.0, 2, "period")
+    assert "doubles its period from 45.7 to 60.3 Hz" in sentence(said)
+
+
+def test_a_hardening_spring_keeps_its_stable_points_and_an_even_force_at_twice_its_frequency_does_not():
+    hard = predict(Oscillator(1.2, "k*x + c*v + k3*x**3", {"k": 2e4, "c": 3.0, "k3": 1e9}), [1.0, 16.0])
+    for curve in hard.curves:
+        assert not curve.lost
+        # the least multiplier of a linear one: all of both signs lie on a circle
+        assert np.nanmax(np.abs(curve.multiplier)) < 1
+    even = predict(
+        Oscillator(1.2, "k*x + c*v + k2*x**2 + k3*x**3", {"k": 2e4, "c": 3.0, "k2": 1e7, "k3": 1e10}),
+        [16.0],
+        band=(35.0, 90.0),
+    )
+    assert even[16.0].lost["by"] == "period"
+    friction = predict(Oscillator(1.2, "k*x + c*v + Ff*sign(v)", {"k": 2e4, "c": 3.0, "Ff": 0.2}), [4.0])
+    assert np.isnan(friction[4.0].multiplier).all()

@@ -403,6 +403,43 @@ class _Balance:
 
 
 # ----------------------------------------------------------------------------
+# What becomes of a small disturbance y of a motion: m y'' + n_v y' + n_x y = 0.
+
+
+def decisive_multiplier(along: ForceSample, mass: float, omega: Array, *, odd: bool) -> ComplexArray:
+    """Return the Floquet multiplier that tells whether motions (n,) last, besides folds.
+
+    In one period the two solutions for y change by a matrix, the product of its exponentials from sample to
+    sample (W. Magnus, Comm. Pure Appl. Math. 7 (1954) 649, to second order). Its eigenvalues are the
+    multipliers (G. Floquet, Ann. Sci. Ec. Norm. Sup. 12 (1883) 47): at a fold one of them passes 1. The
+    other is returned: below -1 the period doubles; with a complex one outside the unit circle the motion
+    beats. Under an odd law a period is half of one, mirrored, twice: -1 of that half is 1 here, and beyond
+    it the motion loses its symmetry (a pitchfork).
+
+    Parameters
+    ----------
+    along
+        The law along the motions, at a power of two of samples a period.
+    mass, omega
+        m [kg] and the frequencies (n,) [rad/s].
+    odd
+        True for an odd law whose motions have odd harmonics alone.
+    """
+    samples = along.by_x.shape[1]
+    step, used = (2 * np.pi / samples / omega)[:, None], samples // 2 if odd else samples
+    damping, stiffness = along.by_v[:, :used] * step / mass, along.by_x[:, :used] * step**2 / mass
+    angle = np.sqrt(stiffness - damping**2 / 4 + 0j)
+    cosine, sine = np.cos(angle).real, np.sinc(angle / np.pi).real
+    rows = [[cosine + sine * damping / 2, sine], [-sine * stiffness, cosine - sine * damping / 2]]
+    change = np.moveaxis(np.array(rows) * np.exp(-damping / 2), (0, 1), (2, 3))
+    while change.shape[1] > 1:
+        change = change[:, 1::2] @ change[:, ::2]
+    trace = np.trace(change[:, 0], axis1=1, axis2=2) * (-1 if odd else 1) / 2
+    least = trace - np.sqrt(trace**2 - np.exp(-damping.sum(axis=1)) + 0j)
+    return np.asarray(least**2 if odd else least)
+
+
+# ----------------------------------------------------------------------------
 # Oscillators: the balance as a virtual test.
 
 

@@ -368,6 +368,8 @@ class Findings:
         measured = self.surface.outcome != Outcome.NOT_MEASURED
         unsettled = int(np.count_nonzero(~self.surface.settled & measured)) - said
         numbers = quantities(excluded=unsettled, points=len(self.surface))
+        if doubled := int(np.count_nonzero(self.surface.outcome == Outcome.PERIOD_TWO)):
+            numbers |= quantities(doubled=doubled)
         found = [Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"})]
         return (found if unsettled > 0 else []) + exclusion_findings(
             self.points,

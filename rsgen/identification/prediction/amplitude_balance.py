@@ -11,7 +11,7 @@ unstable branches come without continuation. At a given frequency Newton's metho
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import partial
 
@@ -30,12 +30,19 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     ROUND_OFF,
     SAMPLES_PER_PERIOD,
+    SAMPLES_PER_PERIOD_SWITCHED,
     START_HARMONICS,
     interval_sigmas,
 )
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
+from rsgen.describing.derivation import derive
+from rsgen.dynamics.harmonic_balance import (
+    Response,
+    decisive_multiplier,
+    following_harmonics,
+    hold_amplitude,
+)
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
@@ -60,6 +67,11 @@ _FORCE_TOLERANCE = 1e-8
 
 _MAX_ITERATIONS = 40
 """Newton steps of at most a fifth of the amplitude, or bisections of an interval."""
+
+
+_SAMPLES_OF_DISTURBANCE = (SAMPLES_PER_PERIOD_SWITCHED, 8 * SAMPLES_PER_PERIOD_SWITCHED)
+"""A period; the second where the first says that a motion does not last: corners of a law let multipliers err
+by 0.02 with the first."""
 
 
 class AmplitudeBalance:
@@ -110,6 +122,17 @@ class AmplitudeBalance:
         slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
         return np.asarray(interval_sigmas() * np.sqrt(np.maximum(variance, 0.0)))
+
+    def multiplier(self, at: Response, omega: Array) -> ComplexArray:
+        """Return ``decisive_multiplier`` (n,); NaN with memory, and with jumps, where disturbances jump."""
+        found, rows = np.full(len(omega), np.nan + 0j), np.arange(len(omega))
+        if self._law.jumps or self._law.remembers:
+            return found
+        for samples in _SAMPLES_OF_DISTURBANCE:
+            along = self._law.along(at.motion(omega).select(rows), self._values, samples)
+            found[rows] = decisive_multiplier(along, self._mass, omega[rows], odd=self._law.odd)
+            rows = np.flatnonzero(np.abs(found) > 1)
+        return found
 
     def explained(self, decay: ResponseSurface) -> float:
         """Return the relative error of the forces of a decay that the errors of the values explain (95 %)."""
@@ -348,6 +371,10 @@ class SynthesisBalance(AmplitudeBalance):
         mode = SplineMode(omega, splines.basis, splines.orders)
         return mode(splines.values, splines.mass, size)
 
+    def multiplier(self, at: Response, omega: Array) -> ComplexArray:
+        """Return NaN (n,): the slopes of a law are not known."""
+        return np.full(len(omega), np.nan + 0j)
+
     def _tabulate(self, largest: float) -> None:
         """Tabulate the backbone up to an amplitude [m], at most to the end of the modal table."""
         super()._tabulate(min(largest, BEYOND * self._largest))
@@ -457,6 +484,75 @@ def table_as_identification(table: ModalTable) -> Identification:
         solution=np.zeros(len(Model(ANY_LAW).parameters)),
         background=test.background,
     )
+
+
+# ----------------------------------------------------------------------------
+# An oscillator with known values as an identification without any error, so that it can be predicted.
+
+_AMPLITUDES = np.geomspace(1e-12, 1e3, 601)
+"""Amplitudes [m] among which the resonances of an oscillator are sought."""
+
+_FREQUENCY_ITERATIONS = 4
+
+_FLANK_AMPLITUDE = 1e-2
+"""Smallest amplitude of a curve relative to that of the resonance."""
+
+_HALF_WIDTHS = 8.0
+"""Half widths of the resonance on both sides of a curve."""
+
+_MIN_RELATIVE_WIDTH = 0.1
+"""Least width on both sides, relative to the frequency."""
+
+
+def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identification:
+    """Return an oscillator as an identification without errors, over the amplitudes of its resonances."""
+    values = oscillator.values
+    estimates = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in values.items())
+    amplitudes, frequencies = _resonant_ranges(oscillator, levels)
+    empty = np.zeros(0)
+    return Identification(
+        model=Model(oscillator.elements, oscillator.mass),
+        refined=estimates,
+        covariance=np.zeros((len(values), len(values))),
+        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool)),
+        residual=0.0,
+        noise=0.0,
+        levels=np.array(levels),
+        amplitude_range=amplitudes,
+        frequency_range=frequencies,
+    )
+
+
+def _resonant_ranges(
+    oscillator: Oscillator, levels: Sequence[float]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ranges of amplitude [m] and frequency [Hz] of the resonances, to first order."""
+    function = derive(oscillator.force)
+    omega = np.ones_like(_AMPLITUDES)
+    for _ in range(_FREQUENCY_ITERATIONS):
+        with np.errstate(all="ignore"):
+            first = function.evaluate(_AMPLITUDES, omega, oscillator.values)
+            stiffness, damping = np.asarray(first.stiffness), np.asarray(first.damping)
+            omega = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / oscillator.mass)
+            omega = np.where(np.isfinite(omega), omega, 1.0)
+    with np.errstate(all="ignore"):
+        force = damping * omega * _AMPLITUDES
+    known = np.isfinite(force) & np.isfinite(stiffness) & (stiffness > 0)
+    reached = known & (force <= max(levels))
+    if reached[known][-1:].all():
+        raise RsgenError(
+            f"predict: the resonance under {max(levels):g} N has no end; the law needs damping, and a "
+            "stiffness that stays positive"
+        )
+    largest = float(_AMPLITUDES[reached][-1]) if reached.any() else float(_AMPLITUDES[known][0])
+    small = known & (force <= min(levels))
+    smallest = float(_AMPLITUDES[small][-1]) if small.any() else largest
+    chosen = known & (largest >= _AMPLITUDES) & (smallest * _FLANK_AMPLITUDE <= _AMPLITUDES)
+    width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
+    low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
+    around = max(_HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)
+    ends = (max(low - around, _MIN_RELATIVE_WIDTH * low), high + around)
+    return (smallest * _FLANK_AMPLITUDE, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))
 
 
 def force_per_level(found: Identification) -> float:

@@ -6,13 +6,13 @@ The error of a prediction is |predicted - measured|/|measured|, in root mean squ
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray, freeze
+from rsgen.common.arrays import Array, ComplexArray, freeze, true_runs
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short
 from rsgen.common.tolerances import (
@@ -30,6 +30,9 @@ from rsgen.identification.soundness import at_jump, points_at
 SHARE_AT_JUMPS = 0.02
 """Share of the points of a run that may lie between a predicted and a measured jump, so on another branch;
 they are not scored."""
+
+NEUTRAL = 1e-6
+"""Of multipliers outside the unit circle: without damping they lie on it, two equal ones within round-off."""
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
@@ -50,8 +53,7 @@ class ResonanceCurve(Brief):
     phase
         (k,) lag of displacement behind force [rad].
     stable
-        (k,) False on the branch between two folds. Motions whose period doubles, as next to a stop on one
-        side, are not looked for.
+        (k,) False on the branch between two folds, and where ``multiplier`` is outside the unit circle.
     extrapolated
         (k,) True where the amplitude is outside the tested range, or the frequency far outside.
     lower, upper
@@ -62,6 +64,10 @@ class ResonanceCurve(Brief):
         "N", or "m/s^2" of a driven base and where forces are per unit mass.
     force
         Amplitude of the force, in newtons or per unit mass, as parameters are.
+    multiplier
+        (k,) the Floquet multiplier that decides on stability besides folds: below -1 the period doubles, as
+        next to a stop on one side, beyond 1 the motion loses its symmetry. NaN where it is not computed:
+        under friction (jumps), laws with memory and modal tables, and where two motions have one amplitude.
     """
 
     level: float
@@ -75,9 +81,11 @@ class ResonanceCurve(Brief):
     folds: Array
     level_unit: str = "N"
     force: float = nan
+    multiplier: ComplexArray = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
     def __post_init__(self) -> None:
         freeze(self, ("frequency", "amplitude", "phase", "lower", "upper"))
+        freeze(self, ("multiplier",), np.complex128)
         freeze(self, ("stable", "extrapolated"), np.bool_)
         freeze(self, ("folds",))
 
@@ -87,6 +95,21 @@ class ResonanceCurve(Brief):
         top = int(np.nanargmax(self.amplitude))
         ends = np.pad(self.frequency, 1, constant_values=np.nan)[[top, top + 2]]
         return bool(np.isnan(ends).any())
+
+    @property
+    def lost(self) -> dict[str, str]:
+        """How motions outside folds lose stability, and from where to where; empty where none do."""
+        outside = np.abs(self.multiplier) > 1 + NEUTRAL
+        if not outside.any():
+            return {}
+        first = self.multiplier[outside][0]
+        by = "beats" if first.imag else "period" if first.real < 0 else "symmetry"
+        wide = np.pad(self.frequency, 1, constant_values=np.nan)
+        # each point up to half way to its neighbours
+        edges = np.nanmean([wide[:-1], wide[1:]], axis=0)
+        parts = [edges[at : at + count + 1] for at, count in zip(*true_runs(outside), strict=True)]
+        texts = [f"{part.min():.3g} to {part.max():.3g} Hz" for part in sorted(parts, key=np.min)]
+        return {"by": by, "where": " and ".join(texts)}
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

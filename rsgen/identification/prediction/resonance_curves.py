@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, isfinite, nan
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 import rsgen.identification  # predicts records of multisines
 from rsgen.common.arrays import Array, ComplexArray
@@ -26,16 +27,16 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
-from rsgen.data.oscillator import Model, Oscillator, refuse_across
+from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.data.record_set import match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts
-from rsgen.describing.derivation import derive
 from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
     AmplitudeBalance,
     SynthesisBalance,
+    as_identification,
     balance_of,
     force_per_level,
     friction_under,
@@ -43,6 +44,7 @@ from rsgen.identification.prediction.amplitude_balance import (
 )
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
+    NEUTRAL,
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
@@ -52,76 +54,7 @@ from rsgen.identification.prediction.prediction_result import (
     missing_findings,
     score_points,
 )
-from rsgen.identification.results import EquivalentCurve, Estimate, Identification, MultisineIdentification
-
-# ----------------------------------------------------------------------------
-# An oscillator with known values as an identification without any error, so that it can be predicted.
-
-_AMPLITUDES = np.geomspace(1e-12, 1e3, 601)
-"""Amplitudes [m] among which the resonances of an oscillator are sought."""
-
-_FREQUENCY_ITERATIONS = 4
-
-_FLANK_AMPLITUDE = 1e-2
-"""Smallest amplitude of a curve relative to that of the resonance."""
-
-_HALF_WIDTHS = 8.0
-"""Half widths of the resonance on both sides of a curve."""
-
-_MIN_RELATIVE_WIDTH = 0.1
-"""Least width on both sides, relative to the frequency."""
-
-
-def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identification:
-    """Return an oscillator as an identification without errors, over the amplitudes of its resonances."""
-    values = oscillator.values
-    estimates = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in values.items())
-    amplitudes, frequencies = _resonant_ranges(oscillator, levels)
-    empty = np.zeros(0)
-    return Identification(
-        model=Model(oscillator.elements, oscillator.mass),
-        refined=estimates,
-        covariance=np.zeros((len(values), len(values))),
-        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool)),
-        residual=0.0,
-        noise=0.0,
-        levels=np.array(levels),
-        amplitude_range=amplitudes,
-        frequency_range=frequencies,
-    )
-
-
-def _resonant_ranges(
-    oscillator: Oscillator, levels: Sequence[float]
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ranges of amplitude [m] and frequency [Hz] of the resonances, to first order."""
-    function = derive(oscillator.force)
-    omega = np.ones_like(_AMPLITUDES)
-    for _ in range(_FREQUENCY_ITERATIONS):
-        with np.errstate(all="ignore"):
-            first = function.evaluate(_AMPLITUDES, omega, oscillator.values)
-            stiffness, damping = np.asarray(first.stiffness), np.asarray(first.damping)
-            omega = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / oscillator.mass)
-            omega = np.where(np.isfinite(omega), omega, 1.0)
-    with np.errstate(all="ignore"):
-        force = damping * omega * _AMPLITUDES
-    known = np.isfinite(force) & np.isfinite(stiffness) & (stiffness > 0)
-    reached = known & (force <= max(levels))
-    if reached[known][-1:].all():
-        raise RsgenError(
-            f"predict: the resonance under {max(levels):g} N has no end; the law needs damping, and a "
-            "stiffness that stays positive"
-        )
-    largest = float(_AMPLITUDES[reached][-1]) if reached.any() else float(_AMPLITUDES[known][0])
-    small = known & (force <= min(levels))
-    smallest = float(_AMPLITUDES[small][-1]) if small.any() else largest
-    chosen = known & (largest >= _AMPLITUDES) & (smallest * _FLANK_AMPLITUDE <= _AMPLITUDES)
-    width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
-    low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
-    around = max(_HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)
-    ends = (max(low - around, _MIN_RELATIVE_WIDTH * low), high + around)
-    return (smallest * _FLANK_AMPLITUDE, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))
-
+from rsgen.identification.results import Identification, MultisineIdentification
 
 _BRANCH_POINTS = 161
 
@@ -345,6 +278,9 @@ def _findings(
     if any(one["peak"] > tested[1] for _, one in short):
         _, worst = max(short, key=lambda one: (one[1]["peak"] > tested[1], one[0], one[1]["peak"]))
         findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=len(short))}))
+    if lost := [curve for curve in curves if curve.lost]:
+        numbers = {"level": Quantity(lost[-1].level, lost[-1].level_unit), **quantities(levels=len(lost))}
+        findings.append(Finding("motion-does-not-last", "warning", "", numbers, lost[-1].lost))
     return (*findings, *missing_findings(held_out))
 
 
@@ -407,7 +343,7 @@ def _curve(
     force = level * force_per_level(identification)
     spans = balance.spans(force, window)
     parts = [part for span in spans for part in _branches(balance, force, span, window)]
-    columns: list[list[Array]] = [[] for _ in range(7)]
+    columns: list[list[NDArray[Any]]] = [[] for _ in range(8)]
     folds: list[tuple[float, float]] = []
     for omega, size in parts:
         at = balance.solve(size, omega)
@@ -420,12 +356,15 @@ def _curve(
         frequency = omega / (2 * np.pi)
         places = (value[turn] + share * (value[turn + 1] - value[turn]) for value in (frequency, seen))
         folds += zip(*(place.tolist() for place in places), strict=True)
-        values = (frequency, seen, lag, gain, seen - spread, seen + spread, size)
+        # a motion of another force is another branch of its harmonics
+        same = np.abs(np.abs(at.force) / force - 1) < RELATIVE_CHANGE_NEGLIGIBLE
+        multiplier = np.where(same, balance.multiplier(at, omega), np.nan)
+        values = (frequency, seen, lag, gain, seen - spread, seen + spread, size, multiplier)
         for column, value in zip(columns, values, strict=True):
             if column:
                 column.append(np.array([np.nan]))
             column.append(value)
-    frequency, amplitude, phase, gain, lower, upper, sizes = (
+    frequency, amplitude, phase, gain, lower, upper, sizes, multiplier = (
         np.concatenate(column) if column else np.zeros(0) for column in columns
     )
     return ResonanceCurve(
@@ -435,7 +374,7 @@ def _curve(
         frequency=frequency,
         amplitude=amplitude,
         phase=phase,
-        stable=gain > 0,
+        stable=(gain > 0) & ~(np.abs(multiplier) > 1 + NEUTRAL),
         extrapolated=(sizes > tested[1] * BEYOND)
         | (sizes < tested[0] / BEYOND)
         | (frequency < known[0])
@@ -443,6 +382,7 @@ def _curve(
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 2),
+        multiplier=multiplier.astype(complex),
     )
 
 
@@ -576,7 +516,7 @@ def _largest(curve: ResonanceCurve, base: str) -> Finding:
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
     jumps = ", ".join(f"{at:.5g}" for at in sorted(curve.folds[:, 0]))
     beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
-    said = {"base": base, "jumps": jumps, "beyond": beyond}
+    said = {"base": base, "jumps": jumps, "beyond": beyond, **curve.lost}
     return Finding(
         "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
     )

@@ -117,32 +117,31 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     if handles:
         title = "Level" if surface.base else "Force F"
         axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
-    caption = _responses_caption(surface, shown, predicted, lines=bool(curves))
+    caption = _responses_caption(surface, shown, predicted, curves)
     caption += " Shaded: beyond the tested frequencies or amplitudes, by the law alone." if beyond else ""
     return Drawing("responses", figure, caption, ax is None)
-
-
-_UNSTABLE = "dashed parts are unstable; a doubling of the period is not looked for"
 
 
 def _responses_caption(
     surface: ResponseSurface,
     shown: ResponseSurface,
     predicted: Mapping[float, ResonanceCurve],
-    *,
-    lines: bool,
+    lines: Sequence[ResonanceCurve],
 ) -> str:
     """Say what points and lines are, and at which forces lines are where those of points change."""
+    unstable = "dashed parts are unstable"
+    if all(np.isnan(curve.multiplier).all() for curve in lines):
+        unstable += "; a doubling of the period is not looked for"
     if surface.response_held:
         return (
             "Frequency responses at constant force: points read off the test, which held X, lines as "
-            f"predicted by the refined model; {_UNSTABLE}."
+            f"predicted by the refined model; {unstable}."
         )
     sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (
         f"Frequency responses: points as tested ({', '.join(f'{symbols[s]} {s}' for s in sweeps)})"
-        f"{f', lines as predicted by the refined model; {_UNSTABLE}' if lines else ''}."
+        f"{f', lines as predicted by the refined model; {unstable}' if lines else ''}."
     )
     forces = [(curve.level, level) for level, curve in predicted.items() if not surface.base]
     force, level = max(forces, key=lambda pair: abs(pair[0] / pair[1] - 1), default=(1.0, 1.0))
