@@ -129,7 +129,7 @@ def _(test: MultisineTest, oscillator: Oscillator, progress: Progress) -> Multis
 
 @_simulated.register
 def _(test: HistoryTest, oscillator: Oscillator, progress: Progress) -> ResponseSurface:
-    return test.simulated(oscillator)
+    return test.simulated(oscillator, progress)
 
 
 def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:

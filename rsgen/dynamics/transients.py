@@ -26,7 +26,7 @@ from rsgen.data import history
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
-from rsgen.dynamics.virtual_test import VirtualTest, declare_noise, declare_seed, level_grid
+from rsgen.dynamics.virtual_test import Progress, VirtualTest, declare_noise, declare_seed, level_grid
 from rsgen.formula.reading import parse
 from rsgen.law.memory import memory_form, with_memory
 
@@ -36,6 +36,9 @@ _MIN_SAMPLES_OF_PERIOD = 8
 """Of a sweep: its third harmonic is resolved."""
 _MAX_SAMPLES = 5_000_000
 """Of all records of a test, two minutes of work."""
+
+_SAMPLES_PER_REPORT = 1 << 14
+"""Samples between two reports of the progress: half a second or so."""
 
 _COSINE, _SINE, _PACE = "generator_cosine", "generator_sine", "generator_pace"
 _RAMP, _GROWTH = "generator_ramp", "generator_growth"
@@ -69,7 +72,7 @@ class HistoryTest(VirtualTest):
         return {"kind": "simulated"}
 
     @abstractmethod
-    def simulated(self, oscillator: Oscillator) -> ResponseSurface:
+    def simulated(self, oscillator: Oscillator, progress: Progress = None) -> ResponseSurface:
         """Simulate the records of an oscillator, and read them."""
 
     def _samples(
@@ -79,6 +82,7 @@ class HistoryTest(VirtualTest):
         mass: float,
         start: Mapping[str, Any],
         seen: Sequence[str],
+        progress: Progress,
     ) -> Array:
         """Samples (s, n, l) of ``seen``, x or states of the law; what has no ``start`` begins with zero."""
         kernel = compile_kernel(law, values=values)
@@ -93,6 +97,8 @@ class HistoryTest(VirtualTest):
         samples = np.empty((len(seen), int(self.duration * self.rate), levels))
         for number in range(samples.shape[1]):
             samples[:, number] = state[rows]
+            if progress is not None and number % _SAMPLES_PER_REPORT == 0:
+                progress(number / samples.shape[1])
             # a period of the kernel is the time from one sample to the next
             state = kernel.integrate(
                 points, state, np.zeros((levels, 2)), omega, mass, ordered, steps=_STEPS, periods=1
@@ -155,14 +161,22 @@ class SweepTest(HistoryTest):
         """Return names and values for the provenance of a result."""
         return self._origin(f"{self.law} sweep {self.sweep}, {self.duration:g} s, {self.rate:g} samples/s")
 
-    def simulated(self, oscillator: Oscillator) -> ResponseSurface:
+    def simulated(self, oscillator: Oscillator, progress: Progress = None) -> ResponseSurface:
         """Simulate the records of an oscillator, and read them."""
         histories: list[history.TimeHistory] = []
-        for number, way in enumerate(("up", "down") if self.sweep == "both" else (self.sweep,)):
-            histories += self._histories(oscillator, way, number)
+        ways = ("up", "down") if self.sweep == "both" else (self.sweep,)
+
+        def report(share: float) -> None:
+            if progress is not None:
+                progress((len(histories) / len(self.level) + share) / len(ways))
+
+        for number, way in enumerate(ways):
+            histories += self._histories(oscillator, way, number, report)
         return replace(history.from_swept_sine(histories), origin="simulated")
 
-    def _histories(self, oscillator: Oscillator, way: str, number: int) -> list[history.TimeHistory]:
+    def _histories(
+        self, oscillator: Oscillator, way: str, number: int, progress: Progress
+    ) -> list[history.TimeHistory]:
         first, last = (2 * pi * f for f in (self.band if way == "up" else self.band[::-1]))
         equations = {_COSINE: f"-{_PACE}*{_SINE}", _SINE: f"{_PACE}*{_COSINE}"}
         equations[_PACE] = f"{_RAMP} + {_GROWTH}*{_PACE}"
@@ -170,7 +184,7 @@ class SweepTest(HistoryTest):
         ramp, growth = (last - first) / self.duration, log(last / first) / self.duration
         pace = {_RAMP: ramp, _GROWTH: 0.0} if self.law == "linear" else {_RAMP: 0.0, _GROWTH: growth}
         values, start = {**oscillator.values, **pace}, {_COSINE: self.level, _PACE: first}
-        samples = self._samples(law, values, oscillator.mass, start, (_COSINE, "x"))
+        samples = self._samples(law, values, oscillator.mass, start, (_COSINE, "x"), progress)
         force, x = (self._noisy(clean, number, stream) for stream, clean in enumerate(samples))
         return [
             history.TimeHistory(self.rate, f, y, level=level, label=f"sweep {way} at {level:g} N")
@@ -203,10 +217,10 @@ class DecayTest(HistoryTest):
         """Return names and values for the provenance of a result."""
         return self._origin(f"free decays, {self.duration:g} s, {self.rate:g} samples/s")
 
-    def simulated(self, oscillator: Oscillator) -> ResponseSurface:
+    def simulated(self, oscillator: Oscillator, progress: Progress = None) -> ResponseSurface:
         """Simulate the records of an oscillator, and read them."""
         (clean,) = self._samples(
-            oscillator.force, oscillator.values, oscillator.mass, {"x": self.level}, ("x",)
+            oscillator.force, oscillator.values, oscillator.mass, {"x": self.level}, ("x",), progress
         )
         x = self._noisy(clean)
         histories = [
