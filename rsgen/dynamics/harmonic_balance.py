@@ -406,15 +406,16 @@ class _Balance:
 # What becomes of a small disturbance y of a motion: m y'' + n_v y' + n_x y = 0.
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def decisive_multiplier(along: ForceSample, mass: float, omega: Array, *, odd: bool) -> ComplexArray:
-    """Return the Floquet multiplier that tells whether motions (n,) last, besides folds.
+    """Return the Floquet multiplier that tells, in addition to folds, whether motions (n,) last.
 
     In one period the two solutions for y change by a matrix, the product of its exponentials from sample to
     sample (W. Magnus, Comm. Pure Appl. Math. 7 (1954) 649, to second order). Its eigenvalues are the
     multipliers (G. Floquet, Ann. Sci. Ec. Norm. Sup. 12 (1883) 47): at a fold one of them passes 1. The
     other is returned: below -1 the period doubles; with a complex one outside the unit circle the motion
     beats. Under an odd law a period is half of one, mirrored, twice: -1 of that half is 1 here, and beyond
-    it the motion loses its symmetry (a pitchfork).
+    it the motion loses its symmetry (a pitchfork). NaN where an exponential is out of range.
 
     Parameters
     ----------

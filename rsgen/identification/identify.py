@@ -334,7 +334,7 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
     held = held_points(problem, start)
     findings = list[Finding]()
     if held.any() and np.count_nonzero(~held) > problem.count:
-        findings = [held_finding(problem.observed.points, held, surface.units.of("N"))]
+        findings = [held_finding(problem.observed.points, held, surface)]
         problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))
     # where no law fits refining one has no end
     coarse = partial(fit_balance, order=BALANCE_HARMONICS, steps=_STEPS_IF_MISREAD)
@@ -342,6 +342,6 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
     late = fit.passed_late
     if late.any():
         fit = fit_all_harmonics(problem.select(np.flatnonzero(~late)), fit.regression.parameters, attained)
-        findings.append(left_out("symmetry", late))
+        findings.append(left_out("symmetry", problem.observed.points, late, surface.level_unit))
     found = judge(replace(test, problem=fit.problem), model, fit)
     return changed(found, findings=(*found.findings, *findings))

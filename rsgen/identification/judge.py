@@ -93,6 +93,7 @@ from rsgen.identification.soundness import (
     limit_findings,
     name_exchanged,
     nearly_held,
+    points_at,
     repeats_finding,
     shown_by_few,
     sign_findings,
@@ -366,11 +367,16 @@ class Findings:
         # the reading counts those that it excluded, and those without a number
         said = sum(int(f["excluded"]) for f in self.surface.findings if f.code == "points-excluded")
         measured = self.surface.outcome != Outcome.NOT_MEASURED
-        unsettled = int(np.count_nonzero(~self.surface.settled & measured)) - said
+        left = ~self.surface.settled & measured
+        unsettled = int(np.count_nonzero(left)) - said
         numbers = quantities(excluded=unsettled, points=len(self.surface))
         if doubled := int(np.count_nonzero(self.surface.outcome == Outcome.PERIOD_TWO)):
             numbers |= quantities(doubled=doubled)
-        found = [Finding("points-excluded", "info", numbers=numbers, names={"by": "settling"})]
+        names = {"by": "settling"}
+        if unsettled > 0 and not said:
+            level, frequency = self.surface.level[left], self.surface.frequency[left]
+            names["where"] = points_at(level, frequency, self.surface.level_unit)
+        found = [Finding("points-excluded", "info", numbers=numbers, names=names)]
         return (found if unsettled > 0 else []) + exclusion_findings(
             self.points,
             ~self.fit.regression.used,

@@ -36,6 +36,7 @@ from rsgen.common.tolerances import (
     samples_for,
 )
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
 from rsgen.formula.names import symbol
@@ -59,7 +60,7 @@ _MAX_EXCLUDED_SHARE = 0.75 * MAX_SHARE_OF_OUTLIERS
 ``MAX_SHARE_OF_OUTLIERS``, the most that a fit excludes."""
 
 _MAX_SINGLE_EXCLUDED = 3
-"""Excluded points that may be single drop-outs of a small test."""
+"""Excluded points that may be single drop-outs of a small test; levels at which they are named."""
 
 _JUMP, _JUMP_TO_STEPS = 1.5, 2.0
 """Least ratio of the motions on both sides of a jump, and of its logarithm to that of other neighbours."""
@@ -143,9 +144,10 @@ def exclusion_findings(
     limits = MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE
     severity = severity_of(count / len(points), *limits) if count > _MAX_SINGLE_EXCLUDED else "warning"
     names = {"by": "fall"} if decays else dict[str, str]()
-    if 0 < count == numbers["excluded"].value <= _MAX_SINGLE_EXCLUDED and not decays:
+    if 0 < count == numbers["excluded"].value and not decays:
         where = points_at(points.level[excluded], points.omega[excluded] / 2 / np.pi, level_unit)
-        jump = all(at_jump(points.amplitude[rows], excluded[rows]) for rows in points.runs)
+        jump = count <= _MAX_SINGLE_EXCLUDED
+        jump &= all(at_jump(points.amplitude[rows], excluded[rows]) for rows in points.runs)
         severity, names = ("info", {"jump": where}) if jump else (severity, {"where": where})
     found = [Finding("points-excluded", severity, numbers=numbers, names=names)]
     for rows in points.runs:
@@ -173,8 +175,13 @@ def at_jump(amplitude: Array, missed: NDArray[np.bool_]) -> bool:
 
 
 def points_at(level: Array, frequency: Array, unit: str) -> str:
-    """Return where a few points (n,) are, as findings name them."""
-    return "; ".join(f"{one:.4g} {unit} at {at:.5g} Hz" for one, at in zip(level, frequency, strict=True))
+    """Return where points (n,) are, as findings name them: the ends of their frequencies at a few levels."""
+    texts = list[str]()
+    for one in np.unique(level):
+        at = [f"{place:.5g}" for place in np.sort(frequency[level == one])]
+        many = f"{len(at)} frequencies from {at[0]} to {at[-1]}"
+        texts.append(f"{one:.4g} {unit} at {' and '.join(at) if len(at) < 3 else many} Hz")
+    return "; ".join(texts[:_MAX_SINGLE_EXCLUDED] + ["other levels"] * (len(texts) > _MAX_SINGLE_EXCLUDED))
 
 
 def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
@@ -201,15 +208,19 @@ def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
     return np.asarray(nearly_held(points, problem.law, values) & few)
 
 
-def left_out(reason: str, excluded: NDArray[np.bool_], **numbers: Quantity) -> Finding:
-    """State how many points (n,) a fit leaves out for a reason, with further numbers."""
+def left_out(
+    reason: str, points: Points, excluded: NDArray[np.bool_], unit: str, **numbers: Quantity
+) -> Finding:
+    """State which points (n,) a fit leaves out for a reason, with further numbers; levels have a unit."""
     counts = quantities(excluded=int(np.count_nonzero(excluded)), points=len(excluded), **numbers)
-    return Finding("points-excluded", "info", numbers=counts, names={"by": reason})
+    where = points_at(points.level[excluded], points.omega[excluded] / (2 * np.pi), unit)
+    return Finding("points-excluded", "info", numbers=counts, names={"by": reason, "where": where})
 
 
-def held_finding(points: Points, held: NDArray[np.bool_], unit: str) -> Finding:
-    """State how many points friction holds, and up to which force."""
-    return left_out("friction", held, force=Quantity(float(np.abs(points.force[held]).max()), unit))
+def held_finding(points: Points, held: NDArray[np.bool_], surface: ResponseSurface) -> Finding:
+    """State which points friction holds, and up to which force."""
+    force = Quantity(float(np.abs(points.force[held]).max()), surface.units.of("N"))
+    return left_out("friction", points, held, surface.level_unit, force=force)
 
 
 def shown_by_few(fit: Fit) -> dict[str, Finding]:

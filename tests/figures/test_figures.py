@@ -137,7 +137,10 @@ def test_stable_parts_are_solid_and_unstable_parts_dashed():
     drawn = np.concatenate([np.asarray(line.get_xdata(), dtype=float) for line in dashed])
     unstable = np.concatenate([c.frequency[~c.stable] for c in PREDICTION.curves])
     assert set(np.round(unstable, 9)) <= set(np.round(drawn, 9))
-    assert "unstable" in drawing.caption
+    assert "unstable." in drawing.caption
+    friction = [replace(c, multiplier=np.nan * c.multiplier) for c in PREDICTION.curves]
+    drawing = figures.draw_responses(SURFACE, replace(PREDICTION, curves=tuple(friction)))
+    assert "unstable; a doubling of the period is not looked for." in drawing.caption
 
 
 def test_backbone_of_a_cubic_spring_is_the_closed_formula():

@@ -14,6 +14,7 @@ from rsgen.identification.fitting.points import select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.resonance import find_resonances
 from rsgen.law.element import make_element
+from rsgen.report.wording.sentences import sentence
 from tests.surfaces import (
     LAWS,
     changed,
@@ -116,11 +117,18 @@ def test_outliers_gaps_and_unsettled_points_are_survived():
     factor = np.where(spoil[:, None], generator.uniform(1.3, 5, (len(table), 1)), 1.0)
     harmonics, outcome = factor * table.harmonics, np.where(generator.random(len(table)) < 0.1, 1, 0)
     harmonics[outcome == 1] = np.nan
+    outcome[np.flatnonzero(outcome)[::2]] = 2  # the period of these is twice that of the force
     table = changed(table, harmonics=harmonics, outcome=outcome).select(generator.random(len(table)) > 0.2)
     found = identify(table, model("cubic"))
     assert np.abs(distances(found, truth("cubic"))).max() < 4
-    excluded = [finding.names for finding in found.findings if finding.code == "points-excluded"]
-    assert {None, "settling"} <= {names.get("by") for names in excluded}
+    excluded = {f.names.get("by"): f for f in found.findings if f.code == "points-excluded"}
+    assert {None, "settling"} <= excluded.keys()
+    assert excluded["settling"]["doubled"] == np.count_nonzero(table.outcome == 2)
+    assert "of them repeat after two periods" in sentence(excluded["settling"])
+    lost = table.frequency[~table.settled & (table.level == table.levels[0])]
+    named = f"{table.levels[0]:.4g} N at {len(lost)} frequencies from {lost.min():.5g} to {lost.max():.5g} Hz"
+    assert excluded["settling"].names["where"].startswith(named)
+    assert " N at " in excluded[None].names["where"]
     # points that the reading excluded are counted once
     numbers = {"excluded": np.count_nonzero(~table.settled), "points": len(table)}
     said = Finding("points-excluded", "info", numbers=numbers, names={"by": "free motion"})

@@ -65,7 +65,7 @@ class ResonanceCurve(Brief):
     force
         Amplitude of the force, in newtons or per unit mass, as parameters are.
     multiplier
-        (k,) the Floquet multiplier that decides on stability besides folds: below -1 the period doubles, as
+        (k,) the Floquet multiplier that, with folds, decides on stability: below -1 the period doubles, as
         next to a stop on one side, beyond 1 the motion loses its symmetry. NaN where it is not computed:
         under friction (jumps), laws with memory and modal tables, and where two motions have one amplitude.
     """

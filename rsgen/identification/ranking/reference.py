@@ -496,7 +496,7 @@ class PointTest(RankedTest):
             law_of(elements, self.means)
         observed, held = Observed.of(points, base.observation.background), _held(points, base, sensors)
         if held.any():
-            self.left_out = held_finding(points, held, surface.units.of("N"))
+            self.left_out = held_finding(points, held, surface)
             points, observed = points.select(~held), observed.select(~held)
         self._measured = len(points), surface.level_unit
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
