@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from math import hypot, inf, isfinite, nan
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
-from rsgen.common.text_table import Printed, TextTable, lookup, short, with_error
+from rsgen.common.text_table import Printed, TextTable, aligned, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT, ROUND_OFF, interval_sigmas
 from rsgen.data.oscillator import Oscillator
 from rsgen.identification.prediction import Prediction
@@ -414,6 +414,9 @@ def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
     return max(low, lower) - min(high, upper) > ROUND_OFF * abs(first.value)
 
 
+_COLUMNS = 80
+"""Of a terminal."""
+
 _ABOUT_ROWS = (
     f"parameters: value ({CONFIDENCE_TEXT} interval); shift: from the first fit, in standard errors of a "
     "difference; misfit: of force and response, held-out error: of the response, both relative; "
@@ -492,6 +495,15 @@ class FitComparison(Printed):
             )
             if one is not None
         ]
+
+    def __repr__(self) -> str:
+        """Return the table as text: where it is wider than a terminal a fit below the other."""
+        table, ends = self.table, [2, *range(3, 2 * len(self.fits) + 2, 2)]
+        rows = [table.heads, *table.rows]
+        if max(map(len, aligned(rows))) <= _COLUMNS:
+            return str(table)
+        parts = ([(*row[:2], *row[i:j]) for row in rows if any(row[i:j])] for i, j in pairwise(ends))
+        return "\n".join([*(line for part in parts for line in aligned(part)), *table.notes])
 
     @property
     def table(self) -> TextTable:

@@ -211,14 +211,31 @@ class StatedVerdict(TypedDict):
     next_steps: list[str]
 
 
+MISREAD = frozenset({"levels-swapped", "not-passive", "another-quantity", "base-misread", "channels-delayed"})
+"""What was read as something else: what else is found of such a test may be a consequence."""
+
+
+def _looked_at_first(stated: StatedVerdict) -> int:
+    """Count the reasons up to the last one that was misread; all where none was."""
+    codes = [decided["code"] for decided in stated["decided_by"]]
+    return max((place for place, code in enumerate(codes, 1) if code in MISREAD), default=len(codes))
+
+
+def reasons_of(stated: StatedVerdict) -> list[str]:
+    """Return what decided; what may follow from a misreading by its codes alone, in one sentence."""
+    first = _looked_at_first(stated)
+    rest = ", ".join(dict.fromkeys(decided["code"] for decided in stated["decided_by"][first:]))
+    return stated["sentences"][:first] + [f"What else is found may follow from that: {rest}."] * bool(rest)
+
+
 def verdict_lines(stated: StatedVerdict) -> list[str]:
     """Return the headline and, indented, what decided."""
-    return [stated["headline"], *(f"  because: {sentence}" for sentence in stated["sentences"])]
+    return [stated["headline"], *(f"  because: {reason}" for reason in reasons_of(stated))]
 
 
 def steps_once(stated: StatedVerdict) -> list[str]:
-    """Return what to do next, each step once: several findings may ask for the same."""
-    return [step for step in dict.fromkeys(stated["next_steps"]) if step]
+    """Return what to do next, each step once: several findings may ask for the same; a misreading first."""
+    return [step for step in dict.fromkeys(stated["next_steps"][: _looked_at_first(stated)]) if step]
 
 
 def next_lines(stated: StatedVerdict) -> list[str]:

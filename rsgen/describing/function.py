@@ -169,6 +169,8 @@ class DescribingFunction(Brief):
     ) -> Equivalent:
         """Compute equivalent stiffness and damping for amplitudes and frequencies.
 
+        They are those of a sine, about ``mean``; a modal table is of the motion of the test, with harmonics.
+
         Parameters
         ----------
         X

@@ -52,6 +52,7 @@ from rsgen.identification.starting.start import even_directions, even_part_unobs
 from rsgen.identification.terms import (
     EVEN_SHARE,
     MIRRORED,
+    delay_finding,
     even_force_shift,
     fit_missing_terms,
     fit_near,
@@ -133,16 +134,20 @@ def misfit_findings(
     if known and not surface.decays and (fixed := _contradicted(surface, fit, most)):
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
-    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
+    left_by_kind = {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()}
+    least = min(left_by_term, left_by_cause)
+    if known and not surface.decays and (late := delay_finding(fit, misfit, least, left_by_kind)):
+        return [replace(late, severity=severity if rejected else "doubt")]
+    found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, fit.regression, surface.level_unit)
     if backgrounds:
         found += background_findings(
             backgrounds,
-            {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()},
+            left_by_kind,
             fit.regression.first(fit.problem.count),
             others.names,
             misfit=misfit,

@@ -14,7 +14,7 @@ are polynomials of X^2, drag and gaps of X, friction of 1/X; a spring that harde
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from math import isfinite
 
@@ -31,7 +31,7 @@ from rsgen.data.oscillator import Observation
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.forward import Forward
-from rsgen.identification.results import Background
+from rsgen.identification.results import Background, Estimate
 
 _AMPLITUDE_MARGIN = 0.02
 """Relative extension of the splines beyond the amplitudes of the points, for noise."""
@@ -398,6 +398,18 @@ def scattered(misfit: float) -> tuple[Finding, ...]:
     if misfit <= MISFIT_EXPLAINED:
         return ()
     return (Finding("modal-scattered", "warning", numbers=quantities(misfit=misfit)),)
+
+
+def other_mass(table: ModalTable, law: Iterable[Estimate]) -> list[Finding]:
+    """Find that the intervals of the mass in a table and among the values of a law have no common value."""
+    mass = next((one for one in law if one.name == "m" and one.identifiable), None)
+    half = float(interval_sigmas(table.splines.freedom)) * table.mass_error
+    if mass is None or not (half > 0 and mass.standard_error > 0):
+        return []
+    if not max(mass.interval[0] - table.mass, table.mass - mass.interval[1]) > half:
+        return []
+    numbers = quantities("kg", table=table.mass, law=mass.value) | quantities(ratio=table.mass / mass.value)
+    return [Finding("modal-mass-differs", "warning", "m", numbers)]
 
 
 def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:

@@ -15,12 +15,14 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import count
 from math import nan
+from typing import Any
 
 import numpy as np
 import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     MIN_MISFIT_REDUCTION,
@@ -48,6 +50,9 @@ from rsgen.law.numeric import ForceLaw
 
 MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
 """Terms that a law may lack: the commonest nonlinear springs and dampers, which approximate others."""
+
+_PHASE_OF_STEP = 1e-3
+"""Of the force at the highest frequency [rad], by which the slope of a delay is found."""
 
 EVEN_SHARE = 0.1
 """Force of an even term relative to that of the spring, which no fundamental shows."""
@@ -171,19 +176,51 @@ def force_factors_leave(fit: Fit) -> float:
     order the residual changes by the same column c for a factor of all forces; its rows at one level are the
     column of the factor there. Infinite if there are too few points.
     """
-    problem, parameters = fit.problem, fit.regression.parameters
-    observed = problem.observed
-    louder = replace(observed, points=replace(observed.points, force=np.exp(1.0) * observed.points.force))
-    residual, matrix = linearise_extended(fit, problem, parameters)
-    column = linearise_extended(fit, replace(problem, observed=louder), parameters)[0] - residual
-    levels = observed.points.level[fit.regression.used]
+    residual, matrix, column = _by_force(fit, np.exp(1.0))
+    levels = fit.problem.observed.points.level[fit.regression.used]
     at = levels[:, None] == np.unique(levels)
     if len(residual) != len(levels) or len(levels) < POINTS_PER_KNOT * at.shape[1]:
         return np.inf
-    columns = np.concatenate([matrix[:, :, problem.free], column[:, :, None] * at[:, None]], axis=2)
+    columns = np.concatenate([matrix, column[:, :, None] * at[:, None]], axis=2)
     right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
     left = right - rows @ solve_scaled(rows, right)[0]
     return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right))))
+
+
+def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, float]) -> Finding | None:
+    """Find a delay that takes up most of a misfit, to first order, and no less than what leaves ``least``.
+
+    Nor less than backgrounds, which leave ``left_by``. A narrow band does not tell it from a phase error.
+    """
+    points = fit.problem.observed.points
+    if not points.phase_known or points.far.size:
+        return None
+    step = _PHASE_OF_STEP / float(points.omega.max())
+    residual, matrix, column = _by_force(fit, np.exp(-1j * step * points.omega))
+    columns = np.concatenate([matrix, column[:, :, None] / step], axis=2)
+    right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
+    solution = solve_scaled(rows, right)[0]
+    left, delay = (
+        misfit * float(np.linalg.norm(right - rows @ solution) / np.linalg.norm(right)),
+        -solution[-1],
+    )
+    more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / fit.regression.freedom)
+    if not left < min((1 - MIN_MISFIT_REDUCTION) * misfit, more * min(least, *left_by.values())):
+        return None
+    numbers = quantities(delay=Quantity(float(delay), "s"), left=left, misfit=misfit)
+    if left_by.get("phase", np.inf) < more * left:
+        numbers["turn"] = Quantity(-float(delay * np.median(points.omega)), "rad")
+    return Finding("channels-delayed", "doubt", numbers=numbers)
+
+
+def _by_force(fit: Fit, factor: Any) -> tuple[Array, Array, Array]:
+    """Return the residual (k, M), its slopes (k, M, q), and how it changes where the force has a factor."""
+    problem, parameters = fit.problem, fit.regression.parameters
+    observed = problem.observed
+    other = replace(observed, points=replace(observed.points, force=factor * observed.points.force))
+    residual, matrix = linearise_extended(fit, problem, parameters)
+    changed = linearise_extended(fit, replace(problem, observed=other), parameters)[0]
+    return residual, matrix[:, :, problem.free], changed - residual
 
 
 def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:

@@ -19,7 +19,7 @@ from markupsafe import Markup, escape
 
 import rsgen
 from rsgen.analysis.comparison import Comparison, all_findings, verdict_of
-from rsgen.common.finding import STATES, USABLE, Finding, Quantity, quantities, steps_once
+from rsgen.common.finding import STATES, USABLE, Finding, Quantity, quantities, reasons_of, steps_once
 from rsgen.common.output import write_atomic
 from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, is_significant
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -220,8 +220,8 @@ def _verdict_context(
     return {
         "state": verdict.state,
         "verdict": stated["headline"],
-        "reasons": stated["sentences"],
-        "next_steps": [*steps_once(stated), *sentences.ranking_steps(identification.ranking)],
+        "reasons": reasons_of(stated),
+        "next_steps": [*steps_once(stated), *sentences.ranking_steps(identification.ranking, verdict.state)],
         "mark": sentences.MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
@@ -234,7 +234,7 @@ def _verdict_context(
             *(("resonance", sentence(course)) for course in resonance_course(identification)),
         ],
         "warnings": warnings,
-        "other_warnings": [text for text in warnings if text not in stated["sentences"]],
+        "other_warnings": [text for text in warnings if text not in reasons_of(stated)],
         "prediction_remarks": [
             full_sentence(found) for found in prediction.findings if found not in identification.findings
         ],

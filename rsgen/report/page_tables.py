@@ -16,7 +16,7 @@ from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.units import ForceUnits, Scale, choose_scale, number_text, quantity_text, unit_text
-from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
+from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable, other_mass
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord, score_points
@@ -249,15 +249,13 @@ def held_out_table(
 ) -> Table | None:
     """Score held-out levels, with the error of a ``law`` at the same points; None where there are none.
 
-    What is small is said only of a ``usable`` result.
+    What is as good as the fit is called so only of a ``usable`` result.
     """
     columns: dict[str, _Says] = {
         "Level": lambda item: quantity_text(item.level, item.level_unit),
         "Sweep": lambda item: _SWEEPS.get(item.sweep, item.sweep),
         "Points": lambda item: str(len(item.frequency)),
-        "Error, root mean square": lambda item: Cell(
-            error_text(item.error), size_of_error(item) if usable else ""
-        ),
+        "Error, root mean square": lambda item: Cell(error_text(item.error), size_of_error(item, usable)),
         "Largest error": lambda item: Cell(
             error_text(item.largest_error), f"at {quantity_text(item.largest_at, 'Hz', 5)}"
         ),
@@ -396,6 +394,8 @@ def tabulate_mode(surface: ResponseSurface | MultisineSpectra, identification: I
         table = modal_table(surface, identification.model_given)
     except RsgenError as fault:
         return Modal(reason=str(fault))
+    if identification.verdict.usable:
+        table = replace(table, findings=(*table.findings, *other_mass(table, identification)))
     return Modal(table, held_out=score_held_out(table, surface))
 
 

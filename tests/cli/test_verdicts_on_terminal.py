@@ -8,7 +8,7 @@ import pytest
 
 from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study.run_case import CaseRun
-from rsgen.common.finding import STATES, Finding, Verdict
+from rsgen.common.finding import STATES, Finding, Verdict, reasons_of
 from rsgen.report.wording.sentences import state_verdict
 
 FORMATS = Path(__file__).parents[2] / "cases" / "formats"
@@ -66,7 +66,7 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     answer = run_cli("run", path, "--out", out)
     assert answer.code == run.code
     assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
-    assert answer.out.count("  because: ") == len(verdict["decided_by"])
+    assert answer.out.count("  because: ") == len(reasons_of(verdict))
     assert values in answer.out
 
 

@@ -201,3 +201,11 @@ def test_responses_show_the_band_and_the_levels_that_were_asked_for():
     peak = np.nanmax(predict(IDENTIFICATION, 18.0).curves[0].amplitude)
     assert higher.figure.axes[0].get_ylim()[1] > 1e3 * peak > usual.figure.axes[0].get_ylim()[1]
     assert ["Shaded" in one.caption for one in (usual, asked, higher)] == [False, True, True]
+
+
+def test_points_that_no_law_explains_do_not_scale_the_collapse():
+    damping = np.array(IDENTIFICATION.curve.damping)
+    damping[: len(damping) // 50 + 1] = -40 * C1
+    lost = replace(IDENTIFICATION, curve=replace(IDENTIFICATION.curve, damping=damping))
+    low, _ = figures.draw_collapse(lost).figure.axes[1].get_ylim()
+    assert low > -C1

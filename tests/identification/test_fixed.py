@@ -9,13 +9,14 @@ import pytest
 
 import rsgen
 from rsgen.cases.faults import CaseError
+from rsgen.common.finding import reasons_of, steps_once
 from rsgen.data.surface.mode_findings import fixed_contradicted, mode_findings
 from rsgen.formula.reading import parse
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
-from rsgen.report.wording.sentences import in_order, next_step
+from rsgen.report.wording.sentences import in_order, next_step, state_verdict
 from tests.case_files import Literal, write_small
 from tests.case_files import law as case_law
 from tests.surfaces import LAWS, MASS, beside, codes, noisy, surface
@@ -197,3 +198,26 @@ def test_a_value_that_was_fixed_at_zero_is_no_factor_of_another():
     assert fixed_contradicted("m", 2.0, -1.0, misfit=0.05, left=0.01, times=9.0).names == {
         "near": "peak-to-peak"
     }
+
+
+@pytest.mark.parametrize("pair", [(0, 1), (2, 3)])
+def test_levels_with_each_others_responses_per_force_are_named(pair):
+    """What is the response per force times its level grows with the level in any order of the files."""
+    test = surface("cubic")
+    test = test.select(np.isin(test.level, test.levels[:4]))
+    test = replace(test, harmonics=noisy(test, NOISE / 10, 1).harmonics)
+    low, high = (float(test.levels[place]) for place in pair)
+    swapped = np.where(test.level == low, high, np.where(test.level == high, low, test.level))
+    by = swapped / test.level
+    read = rsgen.ResponseSurface(swapped, test.frequency, by * test.force, by * test.harmonics[:, 1])
+    (said,) = mode_findings(read, MASS)
+    assert (said.code, said["low"], said["high"]) == ("levels-swapped", low, high)
+    assert f"of the levels {low:g} N and {high:g} N exchanged" in str(said)
+    assert not mode_findings(test, MASS)
+    found = rsgen.identify(read, LAWS["cubic"][0])
+    stated = state_verdict(found.verdict)
+    # the cause comes first, and what follows from it has neither a sentence nor a step of its own
+    assert len(stated["sentences"]) > 1
+    assert reasons_of(stated)[0] == stated["sentences"][0]
+    assert reasons_of(stated)[1].startswith("What else is found may follow from that: ")
+    assert steps_once(stated) == [next_step(said)]

@@ -174,3 +174,26 @@ def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():
     assert sum(one.identifiable for one in found) == 2
     (said,) = (finding for finding in found.verdict.decided_by if finding.code == "nothing-identifiable")
     assert sentence(said).startswith("the test determines only 2 of the 6 parameters")
+
+
+@pytest.mark.parametrize(
+    ("band", "delay"), [((6, 18), 2e-4), ((6, 18), -1e-3), ((8, 12), 2e-4), ((8, 12), 2e-3)]
+)
+def test_a_delay_between_the_channels_is_named_with_its_value(band, delay):
+    """It was a stiffness and a damping free to follow the amplitude, or a phase error."""
+    law, values = "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 2e5, "c": 4.0}
+    plan = rs.SimulatedTest(level=[2, 5, 10], frequency=np.linspace(*band, 60), noise_relative=0.004)
+    test = rs.simulate(rs.Oscillator(1.5, law, values), plan)
+    late = test.harmonics[:, 1] * np.exp(-1j * test.omega * delay)
+    found = rs.identify(rs.ResponseSurface(test.level, test.frequency, test.force, late), law)
+    (said,) = (one for one in found.findings if one.code == "channels-delayed")
+    assert said["delay"] == pytest.approx(delay, rel=0.01)
+    assert said["left"] < 0.5 * said["misfit"]
+    assert said in found.verdict.decided_by
+    # half a turn of noise in a narrow band: a phase error does the same
+    narrow = band == (8, 12) and delay == 2e-4
+    assert ("would look the same" in sentence(said)) is narrow
+    assert ("Of a phase error fit" in next_step(said)) is narrow
+    assert not {"law-does-not-fit", "channels-delayed"} & {
+        one.code for one in rs.identify(test, law).findings
+    }

@@ -13,8 +13,9 @@ from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
-from rsgen.identification.modal_result import ModalSplines, SplineBasis
+from rsgen.identification.modal_result import ModalSplines, SplineBasis, other_mass
 from rsgen.identification.modal_table import ModePoints, ModeProblem, _harmonics_error
+from rsgen.report.page_tables import tabulate_mode
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
 from tests.surfaces import noisy, without_phase
 
@@ -332,3 +333,20 @@ def test_intervals_cover_what_they_say_under_noise():
     for name, most in (("frequency", 1e-3), ("damping_ratio", 0.04), ("stiffness", 0.01)):
         width = getattr(table, f"{name}_upper") - getattr(table, f"{name}_lower")
         assert np.all(width < most * getattr(table, name)), name
+
+
+def test_a_mass_that_neglected_harmonics_raise_is_contradicted_by_that_of_the_law() -> None:
+    """Next to a stop on one side a table had 1.235 kg of 1.2 kg, and the page said nothing."""
+    law, values = "k*x + ks*Max(x - b, 0) + c*v", {"k": 14000.0, "ks": 26000.0, "b": 4e-4, "c": 5.0}
+    plan = rsgen.SimulatedTest([1, 2, 4], np.arange(13, 24, 0.25), noise_relative=0.004)
+    test = rsgen.simulate(rsgen.Oscillator(1.2, law, values), plan)
+    test = ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1])
+    found = rsgen.identify(test, law)
+    table = rsgen.modal_table(test)
+    (said,) = other_mass(table, found)
+    assert said["ratio"] == pytest.approx(table.mass / found["m"].value)
+    assert said["ratio"] > 1.02
+    assert "its frequencies stand" in str(said)
+    assert said in tabulate_mode(test, found).table.findings
+    linear = noisy(SURFACE, 0.003, 1)
+    assert other_mass(rsgen.modal_table(linear), rsgen.identify(linear, "k*x + kn*x**3 + c*v")) == []

@@ -313,6 +313,7 @@ def test_a_candidate_whose_friction_feeds_energy_is_not_fitted(along, friction) 
         "with friction", (*candidate.elements, damper), {**candidate.values, "Ff": 0.0}, dissipates=(("Ff",),)
     )
     fitted = fit_candidate(candidate, replace(rows, right=rows.right + force), {})
+    assert fitted.feeds(rows) is (friction < 0)
     if friction < 0:
         assert fitted.fault == "its friction would feed energy"
     else:

@@ -11,7 +11,7 @@ import pytest
 
 import rsgen
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import steps_once
+from rsgen.common.finding import Finding, quantities, steps_once
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
@@ -22,8 +22,10 @@ from rsgen.identification.ranking import rank
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round
 from rsgen.identification.ranking.ranking_result import Assessment, Candidate, _best_law_finding, assess_best
 from rsgen.identification.ranking.reference import PointTest
+from rsgen.identification.results import Identification
+from rsgen.identification.results import changed as changed_result
 from rsgen.law.element import make_element
-from rsgen.report.wording.sentences import sentence, state_verdict
+from rsgen.report.wording.sentences import ranking_steps, sentence, state_verdict
 from tests.ranking.test_ranking import BASE, MEMORYLESS, measured
 from tests.surfaces import LAWS, MASS, changed, codes, noisy, truth, without_phase
 
@@ -386,3 +388,31 @@ def test_a_gap_on_both_sides_is_told_from_a_stop_on_one_by_their_own_motions():
     ranking = rank(surface, [one, both])
     assert ranking.verdict.usable
     assert "Min" in ranking.candidates[0].force
+
+
+def test_a_law_that_feeds_energy_into_a_decay_is_not_first_where_another_fits(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A Stribeck law with a negative part came first for a plucked beam, and was to be gone on with."""
+    feeding = Finding("damping-feeds-energy", "doubt", "c", quantities(value=-1.0, share=2.0))
+
+    def doubted(surface: ResponseSurface, model: Model) -> Identification:
+        found = identify(surface, model)
+        return changed_result(found, findings=(*found.findings, feeding)) if "ka" in found.values else found
+
+    plan = rsgen.DecayTest(level=[2e-3], duration=6, rate=1200, noise_relative=1e-3, seed=4)
+    values = {"k": 24674.0, "c": 0.9425, "k3": 1.85e9}
+    decay = rsgen.simulate(Oscillator(1.0, "k*x + c*v + k3*x**3", values), plan)
+    rivals = ["ka*x + c*v + k3*x**3", "k*x + c*v + k3*x**3 + k5*x**5"]
+    assert "ka" in rank(decay, rivals, mass=1.0).candidates[0].values
+    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.identify", doubted)
+    ranking = rank(decay, rivals, mass=1.0)
+    assert ["k5" in one.force for one in ranking] == [True, False]
+    assert ranking.candidates[1].fault.startswith("a damper of it would feed energy")
+    assert ranking.verdict.usable
+    # without another one it stays, and is doubted: nothing says to go on with it
+    alone = rank(decay, rivals[:1], mass=1.0)
+    assert (alone.candidates[0].fault, alone.verdict.state) == ("", "doubtful")
+    (advice,) = ranking_steps(alone, alone.verdict.state)
+    assert "none to go on with" in advice
+    assert "To go on with this law" in ranking_steps(ranking, ranking.verdict.state)[0]

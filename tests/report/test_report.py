@@ -423,7 +423,7 @@ def test_what_is_stated_and_drawn_has_all_harmonics_as_the_points_have_them():
     at, height = np.array(lines["refined model, 95 % band"]).T
     place, stiffness = np.array(lines["levels at resonance"]).T
     assert stiffness == pytest.approx(np.interp(place, at, height), rel=0.005)
-    assert drawing.caption.endswith("but for what the higher harmonics add far from the resonance.")
+    assert drawing.caption.endswith("add far from the resonance. The band is of first order.")
 
 
 def test_what_fundamentals_do_not_show_is_one_note_for_all_values():

@@ -162,3 +162,13 @@ def test_what_a_case_is_to_change_is_said_to_python_users_too(code):
 ])  # fmt: skip
 def test_the_next_step_of_another_law_names_it(names, said):
     assert said in next_step(Finding("law-ambiguous", "doubt", "c", {"errors": 9.0, "moved": 0.3}, names))
+
+
+def test_what_is_printed_has_warnings_before_notes_and_says_of_one_level_what_it_is():
+    note = Finding("note", "info", names={"text": "a remark"})
+    text = str(found_with(note, WARNING))
+    assert text.index("warning: ") < text.index("note: a remark")
+    one = "one level does not show whether the law holds at others"
+    assert one not in text
+    outcome = replace(IDENTIFICATION.outcome, numbers={**IDENTIFICATION.outcome.numbers, "levels": 1})
+    assert one in str(replace(IDENTIFICATION, outcome=outcome))

@@ -79,7 +79,8 @@ def rank_command(
         terminal.print_block("", str(replace(ranking.best.table, caption="", notes=())))
     else:
         terminal.print_line(f"with {_values(ranking, table)}")
-    return terminal.print_next_steps(state_verdict(ranking.verdict), ranking_steps(ranking))
+    stated = state_verdict(ranking.verdict)
+    return terminal.print_next_steps(stated, ranking_steps(ranking, stated["state"]))
 
 
 def _values(ranking: Ranking, table: ResponseSurface | MultisineSpectra) -> str:

@@ -196,7 +196,7 @@ def _finished(case: Case, folder: Path) -> CaseRun:
         held_out=(*(str(entry["said"]) for entry in result["held_out"]), *asked),
         values=(
             *str(table_of((*fit.estimates, *fit.background))).split("\n"),
-            *(f"  {line}" for line in mass_lines(fit.estimates)),
+            *(f"  {line}" for line in (result["outcome"], *mass_lines(fit.estimates))),
         ),
         warnings=severities.count("warning"),
         notes=severities.count("info"),

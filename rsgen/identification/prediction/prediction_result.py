@@ -90,6 +90,19 @@ class ResonanceCurve(Brief):
         freeze(self, ("folds",))
 
     @property
+    def jumps(self) -> tuple[str, ...]:
+        """Frequencies [Hz] at which the response jumps, each with "up" or "down" for the sweep.
+
+        The frequency has an extremum along the curve there: a sweep up does not come beyond a largest one.
+        """
+        at, size, said = self.frequency, self.amplitude, []
+        for fold, height in sorted(self.folds.tolist()):
+            near = int(np.nanargmin(np.hypot(at / fold - 1, size / height - 1)))
+            around = np.nanmean(at[[max(near - 2, 0), min(near + 2, len(at) - 1)]])
+            said.append(f"{fold:.5g} {'up' if around < fold else 'down'}")
+        return tuple(said)
+
+    @property
     def rises_at_end(self) -> bool:
         """True if the highest point is where the curve leaves the band or a table: its peak lies beyond."""
         top = int(np.nanargmax(self.amplitude))
@@ -321,10 +334,15 @@ class Prediction(Printed):
                 highest[1] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
-            folds = ", ".join(f"{frequency:.5g}" for frequency in sorted(curve.folds[:, 0]))
-            rows.append((short(curve.level), *highest, folds, extrapolated))
+            rows.append((short(curve.level), *highest, ", ".join(curve.jumps), extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
-        heads = (f"level [{unit}]", "largest amplitude [m]", "at [Hz]", "folds at [Hz]", "extrapolated")
+        heads = (
+            f"level [{unit}]",
+            "largest amplitude [m]",
+            "at [Hz]",
+            "jumps at [Hz], sweep",
+            "extrapolated",
+        )
         rises = any(curve.rises_at_end for curve in self if len(curve.frequency))
         more = ("a curve still rises where the band or the table ends; band=(low, high) [Hz] shows more",)
         notes = (*more[: int(rises)], *held_out_lines(self.held_out), *map(str, self.findings))

@@ -514,7 +514,7 @@ def _largest(curve: ResonanceCurve, base: str) -> Finding:
             numbers |= quantities("m", reached=size)
         else:
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
-    jumps = ", ".join(f"{at:.5g}" for at in sorted(curve.folds[:, 0]))
+    jumps = ", ".join(f"{jump.replace(' ', ' Hz in a sweep ')}" for jump in curve.jumps)
     beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
     said = {"base": base, "jumps": jumps, "beyond": beyond, **curve.lost}
     return Finding(

@@ -27,6 +27,7 @@ from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.balance import WhitenedBalance
+from rsgen.identification.results.estimates import takes_energy
 from rsgen.law.element import Element, forces_by_motion
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -135,6 +136,19 @@ class CandidateFit:
     def chi_squared(self) -> float:
         """Sum of squares in units of the noise."""
         return float(np.sum(self.residual[:, self.compared] ** 2)) + self.background_cost
+
+    def feeds(self, rows: WhitenedBalance) -> bool:
+        """Return True if a damper of a sum has a negative factor, so that it feeds energy."""
+        for element in self.candidate.elements:
+            law = compile_law(element.force)
+            x, v, a, step = (part[::POINT_STRIDE] for part in rows.motion_of(element.across))
+            values = law.ordered(self.candidate.values)
+            slopes = law.sample(x, v, a, step, values).by_parameter
+            if any(
+                values[i] < 0 and takes_energy(np.broadcast_to(slopes[i], v.shape) * v) for i in law.linear
+            ):
+                return True
+        return False
 
     def bic(self, noise: float = 1.0) -> float:
         """Return the Bayesian information criterion (Schwarz 1978) for a known mean square of the noise."""

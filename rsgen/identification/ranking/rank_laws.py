@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from math import nan
+from math import inf, nan
 
 import numpy as np
 import sympy
@@ -65,6 +65,8 @@ _MAX_ROUNDS = 5
 
 _SHARE_OF_STAGES, _SHARE_OF_MOTIONS = 0.5, 0.4
 """Of the time of a ranking: its stages, then laws along their own motions; the identification is the rest."""
+
+_FED = "a damper of it would feed energy into the decay, which another law explains without"
 
 
 @dataclass(frozen=True, slots=True)
@@ -366,12 +368,21 @@ def _ranking(
             found, fault = None, refused
             break
         identified[number] = found
+        feeding = any(f.code == "damping-feeds-energy" for f in found.findings)
+        if feeding and getattr(surface, "decays", False):
+            library = (i for i, fit in enumerate(candidates) if fit.candidate.name not in given)
+            fed = {number, *(i for i in library if candidates[i].feeds(current.rows))}
+            rest = [fit for i, fit in enumerate(candidates) if i not in fed and np.isfinite(bic[i])]
+            if not all(current.misfit(fit).unexplained for fit in rest):
+                for i in fed:
+                    bic[i] = error[i] = inf
+                continue
         # fundamentals determine an even force and a cubic one together, neither by itself
         together = test.first.odd_alone and best.candidate.law.even
         undetermined = [one.name for one in found if one.finding is not None and not together]
         before = bic[number]
         less = min(
-            (value for value, fit in zip(bic, candidates, strict=True) if _lacks(fit, best, undetermined)),
+            (bic[i] for i, fit in enumerate(candidates) if bic[i] < inf and _lacks(fit, best, undetermined)),
             default=before,
         )
         left = _misfit_of_rows(found, current)
@@ -392,6 +403,8 @@ def _ranking(
     ordered = [candidates[number] for number in order]
     rows = [
         _row(fit, fixed, own=fit is own, error=error[i], behind=bic[i] - lowest, tied=tied[i])
+        if np.isfinite(bic[i])
+        else _row(replace(fit, fault=_FED), fixed, own=fit is own)
         for i, fit in zip(order, ordered, strict=True)
     ]
     rows += [_row(fit, fixed, own=fit.candidate.name == OWN) for fit in last.faulty]

@@ -43,9 +43,10 @@ ORDER = (
     "BIC: above the lowest; unseen: error on levels not fitted; order: first the simplest of those that tie "
     "with the best, then by BIC, last what predicts unseen levels worse than a simpler law; all laws of the "
     "library and their sums were compared once, and those that left least are listed, with the best single "
-    "laws: to see another one, give it as a law of your own"
+    "laws: to see another one, give it as a law of your own; names: k and c of a sum are its linear spring "
+    "and damper, and where the library has the same name for another parameter, that ends with _ here"
 )
-"""The order of a ranking, as tables say it."""
+"""The order and the names of a ranking, as tables say them."""
 
 _COLUMNS_OF_NAME = 43
 """Of the 80 of a terminal."""

@@ -17,7 +17,6 @@ from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
-    HELD_OUT_ERROR_SMALL,
     MAX_ERROR_TO_MISFIT,
     MISFIT_NEGLIGIBLE,
 )
@@ -103,7 +102,7 @@ def mass_lines(estimates: Iterable[Any]) -> list[str]:
 def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
     """Return a line for each held-out level or record: its error relative to the measured response.
 
-    What is small is said only next to a ``usable`` verdict: a doubtful law is not to be trusted for it.
+    What is as good as the fit is called so only next to a ``usable`` verdict.
     """
     return [
         f"held out {short(one.level, 4)} {one.level_unit}"
@@ -116,21 +115,21 @@ def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
 
 
 def _scale_of_error(one: Any, usable: bool) -> str:
-    """Say with what to compare the error of a level, and where it is largest; nothing of exact data, or of a
-    record.
-    """
-    if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
+    """Compare the error of a level, and say where it is largest; nothing of exact data, or of a record."""
+    if not (size := size_of_error(one, usable)):
         return ""
     largest = f"{100 * one.largest_error:.2g} % of the root mean square at {one.largest_at:.5g} Hz"
-    times = f", at most {largest}; {one.error / one.misfit:.2g} times the misfit"
-    return ": ".join(filter(None, [times, size_of_error(one) if usable else ""]))
+    return f", at most {largest}; {size}"
 
 
-def size_of_error(one: Any) -> str:
-    """Say what the error of a held-out level means next to the misfit, where nothing else is doubted."""
-    if one.error <= MAX_ERROR_TO_MISFIT * one.misfit:
-        return "as good as the fit"
-    return "small" if one.error <= HELD_OUT_ERROR_SMALL else ""
+def size_of_error(one: Any, usable: bool) -> str:
+    """Compare the error of a held-out level with the misfit; "" where there is none to speak of."""
+    if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
+        return ""
+    good = usable and one.error <= MAX_ERROR_TO_MISFIT * one.misfit
+    return (
+        f"{one.error / one.misfit:.2g} times the misfit of the fitted levels" + ": as good as the fit" * good
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -487,6 +486,8 @@ class Identification(Printed):
         tested = (
             f"amplitude {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
             f"{'' if unknown else f'noise {100 * self.noise:.2g} %, '}misfit {100 * self.residual:.2g} %"
+            + "; one level does not show whether the law holds at others"
+            * (self.outcome.numbers.get("levels", (0,))[0] == 1)
         )
         return replace(
             table,
@@ -495,7 +496,7 @@ class Identification(Printed):
                 tested,
                 *mass_lines((*self, *self.fixed)),
                 *held_out_lines(self.held_out, self.verdict.usable),
-                *map(str, self.findings),
+                *map(str, sorted(self.findings, key=lambda finding: finding.severity == "info")),
             ),
         )
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
 from rsgen.common.arrays import Array
-from rsgen.common.tolerances import CONFIDENCE_TEXT
+from rsgen.common.tolerances import CONFIDENCE_TEXT, MAX_SHARE_OF_OUTLIERS_BY_CHANCE
 from rsgen.formula.names import remembers, symbol
 from rsgen.formula.units import Scale, choose_scale
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
@@ -92,6 +92,9 @@ def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
 _LEVELS = {"N": "Level F", "m": "Level X"}
 """Name of levels by their unit; those of a base are levels."""
 
+_SHOWN = (MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2, 1 - MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2)
+"""Quantiles of the points that stand in the picture in any case."""
+
 _Place = tuple[Array, Array]
 """Abscissae and ordinates in a panel."""
 
@@ -147,7 +150,9 @@ def draw_collapse(
         at, heights = levels[i]
         axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
         _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, model.harmonics is None)
-        drawn = [cloud / y.factor, line / y.factor]
+        # points that no law explains, as next to a jump, leave the picture
+        ends = np.quantile(cloud[np.isfinite(cloud)], _SHOWN) if np.isfinite(cloud).any() else cloud
+        drawn = [ends / y.factor, heights / y.factor, line / y.factor]
         if truths is not None:
             course, line = truths[i]
             axes.plot(course / wide, line / y.factor, label="derived, true values", **drawing.TRUTH)
@@ -165,6 +170,7 @@ def draw_collapse(
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         f"higher harmonics add{where}."
+        f"{' The band is of first order.' if model.harmonics is not None else ''}"
     )
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."

@@ -309,10 +309,12 @@ def state_verdict(verdict: Verdict) -> StatedVerdict:
     }
 
 
-def ranking_steps(ranking: Ranking | None) -> list[str]:
-    """Say how to go on with the best law of a ranking; [] without one, or where none fits."""
+def ranking_steps(ranking: Ranking | None, state: State) -> list[str]:
+    """Say how to go on after a ranking whose best law has a verdict; [] without one, or where none fits."""
     if ranking is None or not ranking.fits:
         return []
+    if state in MARKED:
+        return ["Settle that first, then rank again: as it stands the first law is none to go on with."]
     if ranking.candidates[0].own:
         return ['The best law is that of the case: identify it with `rsgen run`, without model = "rank".']
     return [
