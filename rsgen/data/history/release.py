@@ -120,10 +120,10 @@ def find_decays(
         seen = ended or driven > 0
         given = start is not None and top == tops[0]
         if given:
-            # the peak of a decay without drive lies in its first spectra
-            seen = begin > first + SPECTRUM_PERIODS / _HOP_PERIODS * step
             # at rest until later: the start was read off before the release
             given = not _rests(history, first, begin, line)
+            # the peak of a decay without drive lies in its first spectra
+            seen = given and begin > first + SPECTRUM_PERIODS / _HOP_PERIODS * step
             begin = first if given else begin
         held = _held_until(history, first, first + int(top * step), end, line)
         if held is not None:
@@ -207,10 +207,9 @@ def _held_until(history: TimeHistory, first: int, onset: int, end: int, line: fl
 
 
 def _rests(history: TimeHistory, first: int, begin: int, line: float) -> bool:
-    """Return whether a structure is at rest from ``first`` on, until half a period before ``begin``."""
+    """Return whether a structure is at rest for half a period from ``first`` on, and moves at ``begin``."""
     away = np.abs(history.response[first : begin + 1] - np.median(history.response[first:]))
-    before = away[: -int(history.rate / line / 2)]
-    return len(before) > 0 and float(np.max(before)) < _SHARE_AT_REST * float(away[-1])
+    return int(np.argmax(away > _SHARE_AT_REST * away[-1])) > history.rate / line / 2
 
 
 def _amplitudes(samples: NDArray[Any], rate: float, line: float, band: tuple[float, float] | None) -> Array:
