@@ -28,6 +28,7 @@ $(READY): pyproject.toml
 
 reports: $(READY) ## run every case and leave reports/index.html
 	$(BIN)/rsgen run cases
+	$(BIN)/python -m benchmarks.table1
 
 docs: $(READY) ## build docs/_build/html/index.html: tutorial, how-to, method, laws, gallery, API
 	$(BIN)/python -m sphinx -W -n -q -b html docs docs/_build/html

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rsgen.cases.loading import load_case, read
     from rsgen.common.errors import RsgenError
     from rsgen.common.finding import Finding
-    from rsgen.data.multisine.linear import best_linear, best_linear_surface
+    from rsgen.data.multisine.linear import best_linear
     from rsgen.data.multisine.spectra import MultisineSpectra, load_spectra, save_spectra
     from rsgen.data.oscillator import Observation, Oscillator
     from rsgen.data.surface.response_surface import ResponseSurface, save_surface
@@ -69,7 +69,7 @@ _NAMES = {
     "cases.loading": ("load_case", "read"),
     "common.errors": ("RsgenError",),
     "common.finding": ("Finding",),
-    "data.multisine.linear": ("best_linear", "best_linear_surface"),
+    "data.multisine.linear": ("best_linear",),
     "data.multisine.spectra": ("MultisineSpectra", "load_spectra", "save_spectra"),
     "data.oscillator": ("Observation", "Oscillator"),
     "data.surface.response_surface": ("ResponseSurface", "save_surface"),
@@ -113,7 +113,6 @@ __all__ = [
     "SimulatedTest",
     "SweepTest",
     "best_linear",
-    "best_linear_surface",
     "compare",
     "compare_fits",
     "derive",

@@ -17,7 +17,7 @@ from rsgen.common.declaration import Rule, read_hint
 PUBLIC = [
     "Case", "Comparison", "DecayTest", "Finding", "Identification", "Law", "ModalTable",
     "MultisineSpectra", "MultisineTest", "Observation", "Oscillator", "Prediction", "Profile", "Ranking",
-    "ResponseSurface", "RsgenError", "SimulatedTest", "SweepTest", "best_linear", "best_linear_surface",
+    "ResponseSurface", "RsgenError", "SimulatedTest", "SweepTest", "best_linear",
     "compare", "compare_fits", "derive", "explain", "figures", "history", "identify", "laws", "load_case",
     "load_spectra", "load_surface", "make_element", "modal_table", "predict", "profile", "rank", "read",
     "save_spectra", "save_surface", "sentence", "simulate", "verdict_of", "write_report",

@@ -69,14 +69,7 @@ def draw_all(
 def _draw_lines(
     spectra: MultisineSpectra, identification: MultisineIdentification, prediction: Prediction, modal: Modal
 ) -> list[figures.Drawing]:
-    from rsgen.data.multisine.linear import best_linear_surface  # for multisines only
-
-    surface = best_linear_surface(spectra, identification.approximations)
-    drawings = [
-        figures.draw_surface(surface),
-        figures.draw_best_linear(identification),
-        figures.draw_line_misfit(identification),
-    ]
+    drawings = [figures.draw_best_linear(identification), figures.draw_line_misfit(identification)]
     if modal.table is not None:
         drawings.append(figures.draw_modal(modal.table, identification))
     return [*drawings, figures.draw_predicted_record(prediction)] if prediction.records else drawings

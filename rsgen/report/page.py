@@ -5,7 +5,6 @@ report.html is one file that reads like a chapter, verdict first.
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -41,7 +40,7 @@ from rsgen.report import page_tables as tables
 from rsgen.report.figures import Drawing
 from rsgen.report.figures.equivalent import evaluated, share_along, smooth_backbone
 from rsgen.report.page_tables import NO_MODAL, Modal, harmonics_matter
-from rsgen.report.provenance import Subject, page_environment, plain_text
+from rsgen.report.provenance import Subject, page_environment
 from rsgen.report.result_json import Entry, read_results
 from rsgen.report.wording import sentences
 from rsgen.report.wording.sentences import full_sentence, sentence
@@ -400,9 +399,7 @@ def _test_context(
 
 
 # ----------------------------------------------------------------------------
-# index.html and table1.md: every case of a folder, true against identified.
-
-_MARKDOWN = str.maketrans({c: f"\\{c}" for c in "\\`*_{}[]<>#|$&~!"})
+# index.html: every case of a folder, true against identified.
 
 
 def _quantity(value: Any, unit: Any) -> str:
@@ -442,61 +439,8 @@ def _context(entry: Entry) -> dict[str, Any]:
     }
 
 
-def _rounded(error: float | None, least: float) -> str:
-    """Print an error so that it is the same on every machine: one digit, and nothing below ``least``."""
-    if error is None or not math.isfinite(error):
-        return "–"
-    return f"< {least:.0e}".replace("e-0", "e-") if error < least else f"{error:.0e}".replace("e-0", "e-")
-
-
-def table_of_results(entries: list[Entry]) -> str:
-    """Return Table 1 as markdown; relative errors have one digit, so that git shows real changes only."""
-    lines = [
-        "# Table 1: true against identified",
-        "",
-        "Relative errors of the three estimates, to one digit; written by `make reports`.",
-        "",
-        "| system | parameter | true | per level | first order | refined | tolerance | verdict |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    measured: list[str] = []
-    for entry in entries:
-        name, state = plain_text(entry.folder.name, 80).translate(_MARKDOWN), entry.verdict["state"]
-        if all(row["true"] is None for row in entry.rows):
-            measured.append(f"{name} ({state})")
-            continue
-        for row in entry.rows:
-            known = row["tolerance"] is not None
-            tolerance = float(row["tolerance"]) if known else None
-            verdict = "–" if not known else "within" if row["passed"] else "**outside**"
-            if state in sentences.MARKED:
-                # what a value is within says nothing where the result as a whole is doubted
-                verdict = f"**{state}**" if not known else f"{verdict}, result **{state}**"
-            parameter = plain_text(FORCE_KEYS.get(row["name"], row["name"]), 80).translate(_MARKDOWN)
-            cells = (
-                name,
-                parameter,
-                _quantity(row["true"], row["unit"]).replace("\u202f", " "),
-                _rounded(row.get("paper_error"), 1e-4),
-                _rounded(row.get("first_order_error"), 1e-4),
-                _rounded(row["relative_error"], 1e-5),
-                "–" if tolerance is None else f"{tolerance:g}",
-                verdict,
-            )
-            lines.append(f"| {' | '.join(cells)} |")
-    sources = [
-        f"* {plain_text(entry.folder.name, 80).translate(_MARKDOWN)}: {source.translate(_MARKDOWN)}"
-        for entry in entries
-        if (source := plain_text(str(entry.result.get("source") or ""), 300))
-    ]
-    said = f"Measured, so without true values; `index.html` has those identified: {', '.join(measured)}"
-    lines += ["", said] if measured else []
-    lines += ["", "Sources:", "", *sources] if sources else []
-    return "\n".join(lines) + "\n"
-
-
 def write_index(folder: Path | str) -> None:
-    """Write index.html and table1.md over every result in a folder.
+    """Write index.html over every result in a folder.
 
     Parameters
     ----------
@@ -506,7 +450,7 @@ def write_index(folder: Path | str) -> None:
     Raises
     ------
     RsgenError
-        A file cannot be written.
+        It cannot be written.
     """
     place = Path(folder)
     entries = read_results(place)
@@ -520,4 +464,3 @@ def write_index(folder: Path | str) -> None:
     counts = {state: count for state, count in counts.items() if count}
     context = {"cases": contexts, "counts": counts, "marked": sentences.MARKED, "version": rsgen.__version__}
     write_atomic(place / "index.html", page.render(context))
-    write_atomic(place / "table1.md", table_of_results(entries))

@@ -134,11 +134,9 @@ def lies(out: Path) -> list[str]:
         for path in sorted(out.iterdir())
         if path.is_dir() and not path.name.startswith(".") and read_manifest(path) is None
     ]
-    ends = {"index.html": "</html>", "table1.md": "\n"}
-    for name, last in ends.items():
-        path = out / name
-        if path.exists() and not path.read_text(encoding="utf-8").endswith((last, f"{last}\n")):
-            found.append(name)
+    index = out / "index.html"
+    if index.exists() and not index.read_text(encoding="utf-8").endswith(("</html>", "</html>\n")):
+        found.append(index.name)
     return found
 
 

@@ -1,6 +1,5 @@
 """Periodic multisines: motions are chosen, the force they need follows exactly, the law is to be found."""
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -108,39 +107,6 @@ def test_held_out_levels_are_not_seen():
     assert found["k3"].value == pytest.approx(TRUE["k3"], rel=1e-9)
     with pytest.raises(RsgenError, match=r"no level .* it has"):
         rsgen.identify(whole, LAW, rsgen.Observation(hold_out=(level * 1.5,)))
-
-
-@pytest.mark.parametrize(("base", "order"), [("", 0), ("velocity", 1)])
-def test_the_surface_of_a_multisine_is_its_best_linear_approximation(base, order):
-    made = replace(spectra(linear, SIZES), base=base, per_mass=bool(base))
-    surface = rsgen.best_linear_surface(made)
-    np.testing.assert_allclose(surface.drive, surface.level, rtol=1e-12)
-    assert sorted(set(surface.level)) == sorted(made.level)
-    exact = 1 / (TRUE["k"] - MASS * surface.omega**2 + 1j * TRUE["c"] * surface.omega)
-    expected = exact * surface.level * surface.omega**order
-    np.testing.assert_allclose(surface.harmonics[:, 1], expected, rtol=1e-8)
-    assert surface.error.max() < 1e-6
-    assert "best linear approximation" in repr(surface)
-    assert "best linear approximation" in rsgen.figures.draw_surface(surface).caption
-
-
-def test_no_law_is_identified_from_a_best_linear_approximation(tmp_path):
-    """A cubic spring under a multisine of rms s has k + 3 k3 s^2, under a sine k + 3/4 k3 X^2."""
-    made = spectra(duffing, SIZES)
-    rsgen.save_surface(tmp_path / "surface.h5", rsgen.best_linear_surface(made))
-    surface = rsgen.load_surface(tmp_path / "surface.h5")
-    assert np.nanmin(surface.error) > 0
-    oscillator = rsgen.Oscillator(MASS, LAW, TRUE)
-    table = rsgen.modal_table(made)
-    for use in (
-        lambda: rsgen.identify(surface, LAW),
-        lambda: rsgen.rank(surface),
-        lambda: rsgen.modal_table(surface),
-        lambda: rsgen.predict(oscillator, 1.0, surface),
-        lambda: rsgen.predict(table, None, surface),
-    ):
-        with pytest.raises(RsgenError, match=r"best linear approximation .* give the spectra"):
-            use()
 
 
 def test_what_the_response_follows_of_the_force_is_no_noise():

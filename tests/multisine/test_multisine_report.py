@@ -70,7 +70,7 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
     page = (out / "lines" / "report.html").read_text(encoding="utf-8")
     assert "A &lt;b&gt;multisine&lt;/b&gt;" in page
     assert "<b>multisine" not in page
-    assert page.count("<figure>") == 5
+    assert page.count("<figure>") == 4
     assert '<math display="block">' in page
     stored = np.load(out / "lines" / "spectra.npz")
     np.testing.assert_array_equal(stored["response"], rsgen.read(folder / "lines.toml").response)

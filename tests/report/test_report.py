@@ -38,7 +38,6 @@ from rsgen.report.page import (
     page_context,
     render_page,
     resonance_course,
-    table_of_results,
 )
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import build_result, read_results, result_text
@@ -286,21 +285,10 @@ def test_index_lists_what_can_be_read(results):
     assert [entry.folder.name for entry in read_results(results)] == ["cubic", "odd #1"]
 
 
-def test_table_of_results_is_stable(results):
+def test_the_index_counts_findings_and_has_no_errors_without_a_truth(results):
     entries = read_results(results)
-    table = table_of_results(entries)
-    lines = [line for line in table.splitlines() if line.startswith("| cubic ")]
-    assert lines[0] == "| cubic | c1 | 3.8 N·s/m | < 1e-4 | < 1e-4 | 2e-5 | 0.01 | within |"
-    # round-off of another machine must not show
-    for entry in entries:
-        for row in entry.rows:
-            row["relative_error"] *= 1 + 1e-6
-            row["first_order_error"] *= 1 + 1e-6
-    assert table_of_results(entries) == table
-    # a measured case has no truth: its rows were dashes
     for row in entries[0].rows:
         row["true"] = row["relative_error"] = None
-    measured = table_of_results(entries)
     content = json.loads((results / "cubic" / "result.json").read_text())
     content["parameters"], content["forces"] = entries[0].result["parameters"], entries[0].result["forces"]
     findings = [Finding("note", one, names={"text": "text"}) for one in ("info", "info", "warning")]
@@ -312,8 +300,6 @@ def test_table_of_results_is_stable(results):
     assert "; 1 warning and 2 notes" in text
     assert "Table 1: identified values" in text
     assert 'data-label="Error' not in text
-    assert "| cubic |" not in measured
-    assert f"`index.html` has those identified: cubic ({entries[0].verdict['state']})\n" in measured
 
 
 @pytest.mark.slow

@@ -24,8 +24,8 @@ from rsgen.report.provenance import package_versions
 # Windows has no such locks
 _locks: Any = import_module("fcntl") if os.name == "posix" else None
 
-_OURS = {"index.html": b"<title>rsgen: all cases</title>", "table1.md": b"# Table 1: true against identified"}
-"""Summary files, and the marker near their beginning by which rsgen recognises its own."""
+_INDEX, _INDEX_MARK = "index.html", b"<title>rsgen: all cases</title>"
+"""The index of all results, and the marker near its beginning by which rsgen recognises its own."""
 
 _LOCK_SECONDS = 10.0
 """Seconds for which a run waits until another one has begun, cleared up or moved: each takes far less."""
@@ -161,20 +161,19 @@ def check_replaceable(place: Path) -> None:
 
 
 def check_index(out: Path) -> None:
-    """Refuse a folder of results where an index or Table 1 was not written by rsgen.
+    """Refuse a folder of results where an index was not written by rsgen.
 
     Raises
     ------
     RsgenError
         There is one; it is not touched.
     """
-    for name, mark in _OURS.items():
-        place = out / name
-        if place.is_symlink() or (place.exists() and not has_mark(place, mark)):
-            raise RsgenError(
-                f"{place}: was not written by rsgen; move it away or choose another --out, for the index of "
-                "all results has this name"
-            )
+    place = out / _INDEX
+    if place.is_symlink() or (place.exists() and not has_mark(place, _INDEX_MARK)):
+        raise RsgenError(
+            f"{place}: was not written by rsgen; move it away or choose another --out, for the index of "
+            "all results has this name"
+        )
 
 
 def _written_by_run(path: Path, name: str, listed: Mapping[str, str]) -> bool:

@@ -24,9 +24,8 @@ from rsgen.common.text_table import short
 from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
-from rsgen.data.record_set import FILE_ROUND_OFF, below_acceleration, copied_levels
+from rsgen.data.record_set import FILE_ROUND_OFF, copied_levels
 from rsgen.data.surface.plausibility import Sizes, size_findings
-from rsgen.data.surface.response_surface import ResponseSurface
 
 # ----------------------------------------------------------------------------
 # Plausibility of the sizes of records of a multisine, and of the mode found from them.
@@ -248,47 +247,6 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
             _of_level(spectra, float(level), rows, chosen, np.asarray(excited[rows].any(axis=0)), inside)
         )
     return tuple(found)
-
-
-def best_linear_surface(
-    spectra: MultisineSpectra, found: tuple[BestLinear, ...] | None = None
-) -> ResponseSurface:
-    """Return the best linear approximation as a response surface: a point an excited line of a level.
-
-    The approximation G = S_yu/S_uu holds for the root mean square of the level, not for the amplitude of a
-    sine (Schoukens, Vaes, Pintelon, IEEE Control Systems Magazine 36(3) (2016) 38): ``identify``, ``rank``
-    and ``modal_table`` refuse the surface. The drive of a point is the root mean square of its level, the
-    response X = G F; ``error`` is the standard deviation of distortion and noise at the line in one record,
-    relative to the response there.
-
-    Parameters
-    ----------
-    spectra
-        The records.
-    found
-        Approximations of their levels; None: ``best_linear(spectra)``.
-    """
-    found = best_linear(spectra) if found is None else found
-    frequency = np.concatenate([one.frequency for one in found])
-    level = np.concatenate([np.full(len(one.frequency), one.level) for one in found])
-    # the drive of a base is its motion, the force that of the inertia
-    order = below_acceleration(spectra.base) if spectra.base else 0
-    force = level * (2 * np.pi * frequency) ** order
-    response = np.concatenate([one.response for one in found])
-    deviation = np.concatenate([np.hypot(one.distortion, np.nan_to_num(one.noise)) for one in found])
-    return ResponseSurface(
-        level,
-        frequency,
-        force,
-        force * np.concatenate([one.receptance for one in found]),
-        sweep="rest",
-        error=deviation / np.where(response > 0, response, np.nan),
-        origin=spectra.origin,
-        control="multisine",
-        findings=spectra.findings,
-        per_mass=spectra.per_mass,
-        base=spectra.base,
-    )
 
 
 def _of_level(

@@ -16,7 +16,7 @@ from rsgen.data.record_set import CHANNEL_NAME
 
 SWEEPS = ("rest", "up", "down")
 
-CONTROLS = ("force", "response", "phase", "continuation", "multisine")
+CONTROLS = ("force", "response", "phase", "continuation")
 """Quantity that a test holds constant within a level: force, amplitude of the response, force and phase, none
 (control-based continuation, whose levels are steps of the amplitude), or the root mean square of a multisine
 (whose best linear approximation is no response to a sine)."""

@@ -86,7 +86,6 @@ _CONTROLLED = {
     "response": "response held",
     "phase": "phase-locked",
     "continuation": "continuation",
-    "multisine": "best linear approximation",
 }
 """Controlled quantity of a test, in the one line that shows a surface."""
 
@@ -178,7 +177,6 @@ class ResponseSurface(Records):
         Quantity that the test held constant within a level: "force", "response", or "phase" (a phase-locked
         loop holds a force and controls the frequency until the response lags by an angle). "continuation":
         points of a control-based continuation, stable or not, whose levels are steps of the amplitude.
-        "multisine": points of ``best_linear_surface``, from which no law is identified.
     stable
         (n,) False where the state is unstable at constant force; default True.
     findings
@@ -335,14 +333,6 @@ class ResponseSurface(Records):
         """(n,) lag of the displacement behind the force [rad], 0 to 2 pi; NaN where not recorded."""
         lag = (np.angle(self.force) - np.angle(self.harmonics[:, 1])) % (2 * np.pi)
         return np.where(self.phase_known, lag, np.nan)
-
-    def require_sines(self) -> None:
-        """Raise an RsgenError for the best linear approximation of a multisine."""
-        if self.control == "multisine":
-            raise RsgenError(
-                "surface: the best linear approximation of a multisine, which is no response to a sine of "
-                "this amplitude; give the spectra of the multisine instead (spectra.npz, rs.load_spectra)"
-            )
 
     @property
     def settled(self) -> NDArray[np.bool_]:

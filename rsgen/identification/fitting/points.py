@@ -279,10 +279,9 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
     Raises
     ------
     RsgenError
-        A held-out level is not in the surface, fewer than four points remain, a background is asked for
-        with free decays, or the points are the best linear approximation of a multisine.
+        A held-out level is not in the surface, fewer than four points remain, or a background is asked for
+        with free decays.
     """
-    surface.require_sines()
     if surface.decays and model.observation.background != "none":
         raise RsgenError(
             f"background: {model.observation.background!r}; points of a free decay are given, and the "

@@ -122,7 +122,6 @@ def predict(
     if surface is not None:
         require(surface, ResponseSurface, "surface")
         surface = cast("ResponseSurface", surface).on_mass(mass)
-        surface.require_sines()
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
         return Prediction((), (), (Finding("needs-mass", "warning"),))

@@ -279,8 +279,6 @@ def _answer_word(surface: ResponseSurface) -> str:
 def _what(surface: ResponseSurface, words: str) -> str:
     if surface.response_held:
         return "force that holds the amplitude of the fundamental"
-    if surface.control == "multisine":
-        return "best linear approximation of each level, times its root mean square"
     return f"amplitude of the fundamental, {words}"
 
 

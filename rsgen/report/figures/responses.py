@@ -17,9 +17,8 @@ from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
 from rsgen.formula.units import SWEEPS, Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.identification.prediction.prediction_result import PredictedRecord, choose_levels
+from rsgen.identification.prediction.prediction_result import choose_levels
 from rsgen.identification.results import MultisineIdentification
-from rsgen.law.motion import waveform
 from rsgen.report.figures.drawing import (
     Drawing,
     GivenAxes,
@@ -453,7 +452,7 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
     prediction
         Of a multisine, with at least one record.
     ax
-        Axes for spectrum and time; None makes a figure.
+        Axes to draw on; None makes a figure.
 
     Raises
     ------
@@ -464,7 +463,7 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
     if not prediction.records:
         raise RsgenError("prediction: no record was predicted; hold a level out, or give spectra")
     one = prediction.records[0]
-    figure, panels = take_axes(ax, 2, (4.4, 4.6))
+    figure, (axes,) = take_axes(ax, 1, (4.4, 2.6))
     judged = one.judged
     measured, predicted = one.measured[judged], one.predicted[judged]
     parts = {
@@ -472,32 +471,9 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
         "predicted": (np.abs(predicted), "#009E73"),
         "difference": (np.abs(predicted - measured), "#D55E00"),
     }
-    _draw_lines(panels[0], one.frequency[judged], parts, "m", "Displacement")
-    panels[0].set_xlabel("Frequency [Hz]")
-    _limit_lines(panels[0])
-    panels[0].legend(loc="best")
-    if len(panels) > 1:
-        _draw_time(panels[1], one)
+    _draw_lines(axes, one.frequency[judged], parts, "m", "Displacement")
+    axes.set_xlabel("Frequency [Hz]")
+    _limit_lines(axes)
+    axes.legend(loc="best")
     caption = "A level that identification has not seen: response predicted from the measured force alone."
     return Drawing("predicted-record", figure, caption, ax is None)
-
-
-def _draw_time(axes: Axes, one: PredictedRecord) -> None:
-    """The largest motion of the record in time, judged lines only."""
-    count = len(one.frequency)
-    samples = 8 * count
-    waves = [
-        waveform(np.where(one.judged, np.nan_to_num(spectrum), 0), samples)
-        for spectrum in (one.measured, one.predicted)
-    ]
-    strongest = one.frequency[int(np.argmax(np.where(one.judged, np.abs(one.measured), 0)))]
-    period = 1 / one.frequency[1]
-    width = min(int(samples * 12 / strongest / period), samples)
-    begin = int(np.clip(np.argmax(np.abs(waves[0])) - width // 2, 0, samples - width))
-    part = slice(begin, begin + width)
-    scale = choose_scale(waves[0][part], "m")
-    time = np.arange(samples)[part] * period / samples
-    axes.plot(time, waves[0][part] / scale.factor, color="#1b1c1e", lw=1.4, label="measured")
-    axes.plot(time, waves[1][part] / scale.factor, color="#009E73", lw=1.2, ls=(0, (4, 2)), label="predicted")
-    axes.set_xlabel("Time in the period [s]")
-    axes.set_ylabel(scale.label("Displacement"))
