@@ -208,16 +208,6 @@ def test_an_observation_takes_one_level_and_no_background():
             ({"origin": "invented"}, "origin"),
         )
     ),
-    *(
-        (lambda s, f, sensors=sensors: rs.ResponseSurface(2.0, [9.0], 2.0, [1j], sensors=sensors), said)
-        for sensors, said in (
-            ({"a b": [1j]}, "'a b'"), ({"across": [1j]}, "none of force, response, across"),
-            ({"tip_mean": [1j]}, "without the ending _mean"),
-            ({"tip": [1j, 2j]}, r"sensors\.tip: shape \(2,\)"),
-            ({"tip": [1.0]}, r"sensors\.tip: real numbers have no phase"),
-            ({"tip": [[1j]]}, r"sensors\.tip: needs at least"), ([1j], "must be a dict"),
-        )
-    ),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]), r"force: shape \(3,\)"),

@@ -1,6 +1,5 @@
 """Laws of the response surface table and of its file; copies of rows count once."""
 
-import pickle
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -238,28 +237,6 @@ def test_a_phase_that_was_not_recorded_is_nan_and_named():
     assert [finding.code for finding in per_mass.limits] == ["per-unit-mass"]
     assert (per_mass.units.force, per_mass.units.of("N/m")) == ("m/s^2", "N/m/kg")
     assert np.isnan(per_mass.units.kilogram)
-
-
-def test_further_sensors_stay_with_their_points(tmp_path):
-    f = np.linspace(9.0, 11.0, 6)
-    x = np.exp(1j * f)
-    root = np.stack([0 * x, 3 * x, x], axis=1)
-    made = ResponseSurface(2.0, f, 2.0, x, sensors={"tip": 2 * x, "root": root})
-    save_surface(tmp_path / "a.h5", made)
-    for surface in (made, load_surface(tmp_path / "a.h5"), pickle.loads(pickle.dumps(made))):
-        part = surface.select(f < 10)
-        np.testing.assert_array_equal(part.signals["root"], root[f < 10])
-        np.testing.assert_array_equal(part.signals["tip"][:, 1], 2 * x[f < 10])
-
-
-def test_a_file_that_declares_sensors_it_does_not_have_is_refused(tmp_path):
-    path = tmp_path / "a.h5"
-    save_surface(path, ResponseSurface(2.0, [9.0], 2.0, [1j], sensors={"tip": [1j]}))
-    for said in ("tip,root", "../x", "a," * 300):
-        with h5py.File(path, "r+") as file:
-            file.attrs["sensors"] = said
-        with pytest.raises(MeasurementError, match="sensor"):
-            load_surface(path)
 
 
 FREQUENCY = np.array([8.0, 9.0, 10.0])

@@ -223,11 +223,8 @@ class Records(ABC):
         # both kinds of records are dataclasses, which this class does not say
         values: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(self)}  # type: ignore[arg-type]
         for name in self.columns:
-            column = values[name]
-            if isinstance(column, Mapping):
-                values[name] = {key: lines[rows] for key, lines in column.items()}
-            elif np.ndim(column):
-                values[name] = column[rows]
+            if np.ndim(values[name]):
+                values[name] = values[name][rows]
         return type(self)(**values)
 
     def on_mass(self, mass: float) -> Self:

@@ -6,7 +6,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
-from rsgen.data.record_set import CHANNEL_NAME
-from rsgen.data.surface.columns import COLUMN_UNITS, MAX_SENSORS
-from rsgen.data.surface.response_surface import SENSOR_ARRAY, SURFACE_FORMAT, SURFACE_SCHEMA, ResponseSurface
+from rsgen.data.surface.columns import COLUMN_UNITS
+from rsgen.data.surface.response_surface import SURFACE_FORMAT, SURFACE_SCHEMA, ResponseSurface
 from rsgen.files.data_files import SURFACE_FILE
 from rsgen.files.sandbox import read_binary
 from rsgen.files.tree import Node
@@ -31,8 +30,7 @@ _TEXTS = ("sweep", "findings")
 """Arrays of texts, which come as their bytes."""
 
 _ATTRIBUTES = (
-    "format", "schema", "origin", "phase_known", "control", "per_mass", "base", "notes", "sensors",
-    "overlapping",
+    "format", "schema", "origin", "phase_known", "control", "per_mass", "base", "notes", "overlapping",
 )  # fmt: skip
 _MAX_ATTRIBUTE_BYTES = 65_536
 """Of an attribute, the longest of which are notes of earlier versions; a file may declare any size."""
@@ -72,14 +70,12 @@ def _surface(path: str, arrays: dict[str, NDArray[Any]]) -> ResponseSurface:
     if schema != SURFACE_SCHEMA:
         raise MeasurementError(f"{path}: is of schema {schema!s:.40}; {SURFACE_SCHEMA} is needed")
     names = [name for name in COLUMN_UNITS if name in arrays or name not in _MAY_BE_MISSING]
-    names_of_sensors = _sensors(attributes)
-    for name in (*names, *(SENSOR_ARRAY + sensor for sensor in names_of_sensors)):
+    for name in names:
         if name not in arrays:
             raise MeasurementError(f"{path}: {name}: missing; a surface has {', '.join(COLUMN_UNITS)}")
     values: dict[str, Any] = {name: arrays[name] for name in names}
     signs = values["sweep"]
     values["sweep"] = np.char.decode(signs.view(f"S{signs.shape[-1]}")[..., 0], "ascii")
-    values["sensors"] = {name: arrays[SENSOR_ARRAY + name] for name in names_of_sensors}
     if "findings" in arrays:
         found = [Finding.from_dict(entry) for entry in json.loads(bytes(arrays["findings"]))]
     else:
@@ -95,15 +91,6 @@ def _surface(path: str, arrays: dict[str, NDArray[Any]]) -> ResponseSurface:
         base=str(attributes.get("base", "")),
         overlapping=bool(attributes.get("overlapping", False)),
     )
-
-
-def _sensors(attributes: Mapping[str, Any]) -> list[str]:
-    """Return the names of further sensors that a file declares; a MeasurementError for what is no name."""
-    text = str(attributes.get("sensors", ""))
-    names = text.split(",") if text else []
-    if len(names) > MAX_SENSORS or not all(map(CHANNEL_NAME.fullmatch, names)):
-        raise MeasurementError(f"sensors: {text!r:.60}; at most {MAX_SENSORS} names with commas are needed")
-    return names
 
 
 # ----------------------------------------------------------------------------
@@ -127,7 +114,7 @@ def walk_surface(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterat
     attributes = {name: _attribute(opened, name) for name in _ATTRIBUTES if name in opened.attrs}
     text = np.frombuffer(json.dumps(attributes).encode(), np.uint8)
     yield Node("attributes", text.shape, text.dtype.name, load=lambda: text)
-    for name in (*COLUMN_UNITS, "findings", *(SENSOR_ARRAY + name for name in _sensors(attributes))):
+    for name in (*COLUMN_UNITS, "findings"):
         if name in opened:
             data = _stored(opened, name)
             left -= data.size * data.dtype.itemsize

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -12,7 +10,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, unmasked
 from rsgen.common.errors import RsgenError
-from rsgen.data.record_set import CHANNEL_NAME
 
 SWEEPS = ("rest", "up", "down")
 
@@ -126,34 +123,6 @@ def across_columns(across: Any, shape: tuple[int, ...]) -> NDArray[Any]:
     if across is None or np.shape(across)[1:] == (0,):
         return column(np.zeros((shape[0], 0)), "across", (shape[0], 0))
     return column(across, "across", shape)
-
-
-MAX_SENSORS = 200
-_SIGNALS = ("force", "response", "across")
-"""Names of signals that every surface has."""
-_PART = re.compile(r".*_(mean|real|imag|harmonic_\d+)")
-"""Columns of a data frame that are a part of a signal."""
-
-
-def sensor_columns(sensors: Any, rows: int) -> dict[str, NDArray[Any]]:
-    """Return harmonics (n, H+1) [m] of further sensors by name, mean first; (n,) is the fundamental alone."""
-    if not isinstance(sensors, Mapping) or len(sensors) > MAX_SENSORS:
-        raise RsgenError(f"surface.sensors: must be a dict of at most {MAX_SENSORS} names and columns")
-    found = {}
-    for name, values in sensors.items():
-        known = isinstance(name, str) and CHANNEL_NAME.fullmatch(name)
-        if not known or name in _SIGNALS or _PART.fullmatch(name):
-            raise RsgenError(
-                f"surface.sensors: {name!r:.60}; must be a letter, then letters, digits and _, none of "
-                f"{', '.join(_SIGNALS)}, and without the ending _mean, _real, _imag or _harmonic_2"
-            )
-        try:
-            found[name] = response_columns(np.asarray(unmasked(values)), None, True, rows)
-        except RsgenError as fault:
-            raise RsgenError(str(fault).replace("surface.response", f"surface.sensors.{name}")) from None
-        if found[name].shape[1] < 2:
-            raise RsgenError(f"surface.sensors.{name}: needs at least the mean and the fundamental")
-    return found
 
 
 def check_numbers(columns: dict[str, Any]) -> None:

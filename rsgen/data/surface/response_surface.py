@@ -34,7 +34,6 @@ from rsgen.data.surface.columns import (
     force_columns,
     recognise_directions,
     response_columns,
-    sensor_columns,
 )
 
 # ----------------------------------------------------------------------------
@@ -196,9 +195,6 @@ class ResponseSurface(Records):
     label
         (n,) number that names the level of a point in the test, where it is no measured amount; None: the
         levels are their own names. ``hold_out`` takes it.
-    sensors
-        Complex displacements [m] of further sensors by name, each (n,) or (n, H+1) as ``response``. They are
-        kept with the surface; identification uses response and ``across`` alone.
     overlapping
         True where the points of a level, in order of time, are of windows over a record that overlap, as
         those of sweeps and decays are: their noise is correlated.
@@ -216,7 +212,7 @@ class ResponseSurface(Records):
     ResponseSurface: 3 points, 1 level of 2 N, 9 to 11 Hz, 1 harmonic, measured
     """
 
-    columns: ClassVar = (*COLUMN_UNITS, "sensors")
+    columns: ClassVar = tuple(COLUMN_UNITS)
 
     level: Array
     frequency: Array
@@ -237,7 +233,6 @@ class ResponseSurface(Records):
     per_mass: bool
     base: str
     label: Array | None
-    sensors: Mapping[str, ComplexArray]
     overlapping: bool
 
     @known_arguments
@@ -264,7 +259,6 @@ class ResponseSurface(Records):
         per_mass: bool | None = None,
         base: str = "",
         label: ArrayLike | None = None,
-        sensors: Mapping[str, ArrayLike] | None = None,
         overlapping: bool = False,
     ) -> None:
         n = len(np.atleast_1d(np.asarray(frequency)))
@@ -290,7 +284,6 @@ class ResponseSurface(Records):
         columns["sweep"] = column(sweep, "sweep", (n,))
         columns["outcome"] = column(outcome, "outcome", (n,))
         words: dict[str, object] = {"origin": origin, "control": control, "findings": findings, "base": base}
-        words["sensors"] = sensor_columns(sensors or {}, n)
         words |= {"phase_known": bool(phase_known), "per_mass": bool(base if per_mass is None else per_mass)}
         words["overlapping"] = bool(overlapping)
         for name, value in (columns | words).items():
@@ -314,9 +307,8 @@ class ResponseSurface(Records):
 
     @property
     def signals(self) -> Mapping[str, ComplexArray]:
-        """Harmonics of force [N], response, motion across and further sensors [m], (n, K+1) and (n, H+1)."""
-        own = {"force": self.force_harmonics, "response": self.harmonics, "across": self.across}
-        return own | dict(self.sensors)
+        """Harmonics of force [N], response and motion across [m], (n, K+1) and (n, H+1)."""
+        return {"force": self.force_harmonics, "response": self.harmonics, "across": self.across}
 
     @property
     def omega(self) -> Array:
@@ -414,7 +406,6 @@ class ResponseSurface(Records):
             _CONTROLLED[self.control],
             f"force with {recorded} harmonics" if (recorded := self.force_harmonics.shape[1] - 1) > 1 else "",
             *("motion across" for _ in self.across.T[1:2]),
-            f"sensors {', '.join(self.sensors)}" if self.sensors else "",
             f"{self.base} of the base" if self.base else "",
             self.origin,
         ]
@@ -506,9 +497,6 @@ def without_offset(surface: ResponseSurface) -> ResponseSurface:
 
 SURFACE_FORMAT, SURFACE_SCHEMA = "rsgen response surface", 1
 
-SENSOR_ARRAY = "sensor_"
-"""Begins the name of the array of a further sensor."""
-
 
 def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None:
     """Write a surface as HDF5, atomically; every array carries its unit.
@@ -531,8 +519,6 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         for name in ("origin", "phase_known", "control", "per_mass", "base", "overlapping"):
             file.attrs[name] = getattr(surface, name)
         file.attrs["outcomes"] = [outcome.text for outcome in Outcome]
-        if surface.sensors:
-            file.attrs["sensors"] = ",".join(surface.sensors)
         values = {name: getattr(surface, name) for name in COLUMN_UNITS}
         # columns that the test does not have are None, or have no harmonics
         columns = {k: v for k, v in values.items() if v is not None and v.shape[1:] != (0,)}
@@ -541,8 +527,6 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
         columns["stable"] = columns["stable"].astype(np.uint8)
         forces = dict.fromkeys(("force", "force_harmonics"), surface.force_unit)
         units = COLUMN_UNITS | forces | {"level": surface.level_unit}
-        for name, harmonics in surface.sensors.items():
-            columns[SENSOR_ARRAY + name], units[SENSOR_ARRAY + name] = harmonics, "m"
         found = [finding.to_dict() for finding in surface.findings]
         columns["findings"] = np.bytes_(json.dumps(found, default=float))
         for name, values in columns.items():
