@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.app.cli.diff_command import compare_results
+from rsgen.app.cli.diff_command import compare_results, is_worse
 from rsgen.cases.case import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.data.surface.response_surface import SURFACE_SCHEMA
@@ -84,11 +84,10 @@ def test_earlier_results_have_their_verdict_and_stand_in_the_index(version, tmp_
 
 @pytest.mark.parametrize("version", VERSIONS[1:])
 def test_earlier_results_compare_with_later_ones(version):
-    differences = {one.case: one for one in compare_results(HERE / VERSIONS[0], HERE / version)}
-    small = differences[SMALL]
-    assert {row.name for row in small.fits} == {"m", "k1", "kn1", "c1"}
-    assert not small.worse
-    assert [fit.verdict.state for fit in small.fits.fits] == ["accepted", "accepted"]
+    small, _ = compare_results(HERE / VERSIONS[0] / SMALL, HERE / version / SMALL)
+    assert {row.name for row in small} == {"m", "k1", "kn1", "c1"}
+    assert not is_worse(small)
+    assert [fit.verdict.state for fit in small.fits] == ["accepted", "accepted"]
 
 
 def test_a_number_that_is_not_known_is_refused_by_name(tmp_path):
@@ -119,6 +118,6 @@ def test_a_doubt_of_schema_1_stands_under_the_code_of_today(tmp_path):
     (tmp_path / SMALL / "result.json").write_text(json.dumps(result), encoding="utf-8")
     (entry,) = read_results(tmp_path)
     assert [decided["code"] for decided in entry.verdict["decided_by"]] == ["points-excluded"]
-    (small,) = (one for one in compare_results(folder, tmp_path / SMALL))
-    assert [finding.code for finding in small.fits.fits[1].verdict.decided_by] == ["points-excluded"]
-    assert small.worse
+    small, _ = compare_results(folder, tmp_path / SMALL)
+    assert [finding.code for finding in small.fits[1].verdict.decided_by] == ["points-excluded"]
+    assert is_worse(small)

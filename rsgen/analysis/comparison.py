@@ -381,12 +381,6 @@ class FitRow:
         """True where the 95 % interval has nothing in common with that of the first fit."""
         return tuple(_disjoint(self.estimates[0], other) for other in self.estimates)
 
-    @property
-    def changed(self) -> bool:
-        """True where values differ by more than round-off, or a fit has none."""
-        first, *others = [nan if one is None else one.value for one in self.estimates]
-        return not np.allclose(others, first, rtol=ROUND_OFF, atol=0, equal_nan=True)
-
     def _cells(self) -> list[str]:
         shown = [""] * len(self.estimates)
         for i, one in enumerate(self.estimates):

@@ -81,7 +81,7 @@ application = typer.Typer(
       rsgen inspect sweep.mat                    what is in a measured file
       rsgen derive "k1*x + kn1*x**3 + c1*v"      equivalent stiffness and damping of any law
       rsgen rank cases/cubic.toml                find the law behind a test
-      rsgen diff before after                    what changed between two results
+      rsgen diff reports/before reports/after    what changed between two results
 
     \b
     Exit codes:
