@@ -12,7 +12,7 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
 from rsgen.identification.prediction import predict
-from rsgen.identification.prediction.amplitude_balance import as_identification, balance_of
+from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import make_element
@@ -468,6 +468,19 @@ def test_where_the_period_doubles_next_to_a_stop_the_curve_is_unstable():
     (said,) = (f for f in prediction.findings if f.code == "motion-does-not-last")
     assert (said["level"], said["levels"], said.names["by"]) == (16.0, 2, "period")
     assert "doubles its period from 45.7 to 60.3 Hz" in sentence(said)
+
+
+def test_each_point_of_a_curve_has_the_force_of_its_level(monkeypatch):
+    # on the flank next to a stop an amplitude has several motions, and slow ways to their frequencies
+    seen, spread = [], AmplitudeBalance.force_spread
+    monkeypatch.setattr(
+        AmplitudeBalance, "force_spread", lambda self, at: (seen.append(at.force), spread(self, at))[1]
+    )
+    for level in (1.0, 8.0, 16.0):
+        seen.clear()
+        curve = predict(STOP, [level], band=(15.0, 90.0))[level]
+        assert np.abs(np.abs(np.concatenate(seen)) / level - 1).max() < 1e-5
+        assert np.all(np.diff(curve.frequency[: int(np.nanargmax(curve.amplitude))][:20]) > 0)
 
 
 def test_a_hardening_spring_keeps_its_stable_points_and_an_even_force_at_twice_its_frequency_does_not():

@@ -26,7 +26,6 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     HELD_OUT_ERROR_SMALL,
     MAX_LINEAR_CHANGE,
-    MAX_TRIAL_STEPS,
     RELATIVE_CHANGE_NEGLIGIBLE,
     ROUND_OFF,
     SAMPLES_PER_PERIOD,
@@ -62,6 +61,8 @@ _BISECTION_POINTS = 25
 """Amplitudes of each of three refinements of an end of a curve."""
 
 _FREQUENCY_TOLERANCE = 1e-7
+_FIXED_POINT_STEPS, _SECANT_STEPS, _MAX_SECANT = 12, 24, 0.2
+"""Steps of a frequency, and the largest relative one by the secant of two."""
 _FORCE_TOLERANCE = 1e-8
 """Relative error of the force at which Newton's method ends."""
 
@@ -153,26 +154,36 @@ class AmplitudeBalance:
 
     def _iterate_frequency(
         self, size: Array, omega: Array, square: Callable[[Array, Array, Array], Array]
-    ) -> tuple[Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array, ComplexArray]:
         """Iterate omega^2 = square(u, k, X), u = k/m - c^2/(2 m^2), because k and c depend on omega.
 
-        Returns omega [rad/s], k [N/m], u and the last square [rad^2/s^2], each (n,).
+        Returns omega [rad/s], k [N/m], u and the last square [rad^2/s^2], NaN where it does not end, each
+        (n,), and the harmonics (n, K+1) [m] that k and c rest on.
         """
         omega, (stiffness, middle, last) = np.array(omega), np.full((3, len(size)), np.nan)
-        start: ComplexArray | None = None
-        moving = np.arange(len(size))
-        for _ in range(MAX_TRIAL_STEPS):
-            stiff, damping, start = self.equivalent(size[moving], omega[moving], start)
+        moving, (earlier, missed) = np.arange(len(size)), np.full((2, len(size)), np.nan)
+        _, _, harmonics = self.equivalent(size, omega, None)
+        for number in range(_FIXED_POINT_STEPS + _SECANT_STEPS):
+            stiff, damping, start = self.equivalent(size[moving], omega[moving], harmonics[moving])
+            harmonics[moving] = start
             stiffness[moving] = stiff
             middle[moving] = stiff / self._mass - 0.5 * (damping / self._mass) ** 2
             last[moving] = square(middle[moving], stiff, size[moving])
             new = np.sqrt(np.where(last[moving] > 0, last[moving], np.nan))
             far = np.abs(new / omega[moving] - 1) >= _FREQUENCY_TOLERANCE
-            omega[moving] = np.where(np.isfinite(new), new, omega[moving])
+            here, miss = omega[moving], new - omega[moving]
+            if number > _FIXED_POINT_STEPS:
+                # slow, or from side to side, where a superharmonic resonance is near
+                slope = (miss - missed[moving]) / (here - earlier[moving])
+                new = np.where(np.abs(miss) < _MAX_SECANT * here * np.abs(slope), here - miss / slope, new)
+            earlier[moving], missed[moving] = here, miss
+            omega[moving] = np.where(np.isfinite(new), new, here)
             if not far.any():
                 break
-            moving, start = moving[far], start[far]
-        return omega, stiffness, middle, last
+            moving = moving[far]
+        else:
+            last[moving] = np.nan
+        return omega, stiffness, middle, last, harmonics
 
     def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
         """Return the frequency (n,) [rad/s] at which each amplitude needs the least force, and that force
@@ -182,7 +193,7 @@ class AmplitudeBalance:
         u^2); with strong damping below the phase resonance. NaN if u or the equivalent stiffness is not
         positive. ``guess`` is (n,) [rad/s].
         """
-        omega, stiffness, middle, _ = self._iterate_frequency(size, guess, lambda middle, *_: middle)
+        omega, stiffness, middle, _, _ = self._iterate_frequency(size, guess, lambda middle, *_: middle)
         known = (stiffness > 0) & (middle > 0)
         least = size * np.sqrt(np.maximum(stiffness**2 - (self._mass * middle) ** 2, 0.0))
         return np.where(known, omega, np.nan), np.where(known, least, np.nan)
@@ -254,9 +265,9 @@ class AmplitudeBalance:
         at = self.solve(size, np.array(window))
         return float(0.8 * np.min(level * size / np.abs(at.force)))
 
-    def frequencies(self, size: Array, level: float, side: int) -> Array:
-        """Return the frequency (n,) [rad/s] below (side -1) or above (+1) the resonance; NaN if there is
-        none.
+    def frequencies(self, size: Array, level: float, side: int) -> tuple[Array, ComplexArray]:
+        """Return the frequency (n,) [rad/s] below (side -1) or above (+1) the resonance, NaN if there is
+        none, and the harmonics (n, K+1) [m] of the motion.
         """
 
         def square(middle: Array, stiffness: Array, size: Array) -> Array:
@@ -264,8 +275,10 @@ class AmplitudeBalance:
             root = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
             return np.asarray(middle + side * np.sqrt(np.maximum(root, 0.0)))
 
-        omega, _, _, last = self._iterate_frequency(size, self._interpolated_frequency(size), square)
-        return np.where(last > 0, omega, np.nan)
+        omega, _, _, last, harmonics = self._iterate_frequency(
+            size, self._interpolated_frequency(size), square
+        )
+        return np.where(last > 0, omega, np.nan), harmonics
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
         """Return the complex fundamental (n,) [m] on the stable branch nearest to the measured one.

@@ -344,8 +344,9 @@ def _curve(
     parts = [part for span in spans for part in _branches(balance, force, span, window)]
     columns: list[list[NDArray[Any]]] = [[] for _ in range(8)]
     folds: list[tuple[float, float]] = []
-    for omega, size in parts:
-        at = balance.solve(size, omega)
+    for omega, size, harmonics in parts:
+        # without them a law with several motions of an amplitude may answer with another one
+        at = balance.solve(size, omega, harmonics)
         gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
         spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
         spread[spread > MAX_LINEAR_CHANGE * size] = np.nan
@@ -355,10 +356,10 @@ def _curve(
         frequency = omega / (2 * np.pi)
         places = (value[turn] + share * (value[turn + 1] - value[turn]) for value in (frequency, seen))
         folds += zip(*(place.tolist() for place in places), strict=True)
-        # a motion of another force is another branch of its harmonics
-        same = np.abs(np.abs(at.force) / force - 1) < RELATIVE_CHANGE_NEGLIGIBLE
-        multiplier = np.where(same, balance.multiplier(at, omega), np.nan)
-        values = (frequency, seen, lag, gain, seen - spread, seen + spread, size, multiplier)
+        values = (
+            *(frequency, seen, lag, gain, seen - spread, seen + spread, size),
+            balance.multiplier(at, omega),
+        )
         for column, value in zip(columns, values, strict=True):
             if column:
                 column.append(np.array([np.nan]))
@@ -399,15 +400,16 @@ def _at_sensor(
 
 def _branches(
     balance: AmplitudeBalance, level: float, span: tuple[float, float], window: tuple[float, float]
-) -> list[tuple[Array, Array]]:
-    """Return the points (omega, X) of a curve between two amplitudes: up on the left, down on the right.
+) -> list[tuple[Array, Array, ComplexArray]]:
+    """Return omega, X and harmonics of a curve between two amplitudes: up on the left, down on the
+    right.
 
     Both sides meet at a peak; at the end of a modal table they do not.
     """
     blend = (1 - np.cos(np.linspace(0, np.pi, _BRANCH_POINTS))) / 2
     sizes = span[0] + (span[1] - span[0]) * blend
-    left, right = (balance.frequencies(sizes, level, side) for side in (-1, 1))
-    omega = np.concatenate([left, right[::-1]])
+    (left, start), (right, end) = (balance.frequencies(sizes, level, side) for side in (-1, 1))
+    omega, harmonics = np.concatenate([left, right[::-1]]), np.concatenate([start, end[::-1]])
     size = np.concatenate([sizes, sizes[::-1]])
     inside = np.isfinite(omega) & (omega >= window[0]) & (omega <= window[1])
     cut = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
@@ -415,7 +417,7 @@ def _branches(
     if distance[-1] > _MAX_GAP_AT_PEAK * distance[np.searchsorted(sizes, HALF_POWER * sizes[-1])]:
         cut = np.union1d(cut, [len(left)])
     pieces = [rows for rows in np.split(np.arange(len(omega)), cut) if len(rows) > 1 and inside[rows[0]]]
-    return [(omega[rows], size[rows]) for rows in pieces]
+    return [(omega[rows], size[rows], harmonics[rows]) for rows in pieces]
 
 
 def _respond(
