@@ -65,13 +65,11 @@ def _unit(unit: str) -> str:
 
 
 def _proof(function: DescribingFunction) -> str:
-    if function.memory:
-        return "the loop is solved until it closes, at all samples of a cycle, with two lengths of the step"
     if function.checked_to is None:
         return (
             "no closed form is used; the integral is evaluated by quadrature, split at the switching angles"
         )
-    part = "closed form" if function.closed_form else "closed part"
+    part = "closed form" if function.closed_form else "loop" if function.memory else "closed part"
     # the last digits of the largest difference are those of a processor
     limit = max(PROOF_TOLERANCE, 10.0 ** math.ceil(math.log10(function.checked_to or PROOF_TOLERANCE)))
     return f"the {part} agrees with an independent quadrature to {limit:g}"

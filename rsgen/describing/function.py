@@ -120,8 +120,8 @@ class DescribingFunction(Brief):
         Whether stiffness, damping and mean balance are all free of integrals.
     checked_to
         Largest difference between the formulas and quadrature of the law as written, relative to the mean
-        absolute force, over random parameters in all regimes; None where nothing has a closed form, and
-        of a law with states.
+        absolute force, over random parameters in all regimes; None where nothing has a closed form. Loops
+        of states are held against some that are stepped through time.
     regimes
         The conditions of the cases of stiffness and damping; empty where one formula holds for all X.
     remarks

@@ -7,8 +7,8 @@ or structural damping with a constant factor, and all other terms with memory ar
 added. Masing laws have closed forms (``masing``) if the integrals of their virgin curve have, else quadrature
 of their branches; the other terms are projected along their loop, which closes the equations of the states at
 all samples of a cycle (``rsgen.law.loops``). Its error is O(h^2) in the step h, so that the loops of 512 and
-1024 samples give one of O(h^4) (Richardson extrapolation), and a loop in which they differ is not known.
-Closed forms are proved by quadrature of the branches.
+1024 samples give one of O(h^4) (Richardson extrapolation). Closed forms are proved by quadrature of the
+branches, loops by an integration in time (LSODA).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 import sympy
 
 from rsgen.common.arrays import Array, blocks
@@ -331,10 +332,27 @@ class _Loop:
 
 TRIAL_CYCLES = 16
 """Random cycles of which at least one must close."""
+STEPPED_CYCLES = 2
+"""Random cycles that are compared with an integration in time."""
+MAX_LSODA_STEPS = 20_000
+STEPPED_TOLERANCE = 1e-4
+"""Difference from the integration in time beyond which a remark says so; that of most is below 1e-5."""
 
 
-def _try_loop(loop: _Loop) -> tuple[str, ...]:
-    """Compute loops at random values; return what is to be said of them.
+def _try_loop(loop: _Loop, force: sympy.Expr) -> tuple[float | None, tuple[str, ...]]:
+    """Compute loops at random values, and compare some of them with an integration in time.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    force
+        Its force with Masing laws as they are on a cycle, a function of x, v and the states.
+
+    Returns
+    -------
+    tuple of a float or None and of texts
+        The largest relative difference, None where none was compared; and remarks.
 
     Raises
     ------
@@ -346,29 +364,81 @@ def _try_loop(loop: _Loop) -> tuple[str, ...]:
     amplitude = np.exp(rng.uniform(-2, 1, TRIAL_CYCLES))
     omega = np.exp(rng.uniform(-1, 1, TRIAL_CYCLES))
     states = ", ".join(rate.symbol.name for rate in loop.form.rates)
-    if not np.isfinite(loop.states(amplitude, omega, values)).all(axis=0).any():
+    stiffness, damping, mean = loop.harmonics(amplitude, np.zeros(TRIAL_CYCLES), omega, values)
+    begin = loop.states(amplitude, omega, values)
+    if not np.isfinite(begin).all(axis=0).any():
         raise ExpressionError(
             f"memory: the loop of {states} does not close at X = {amplitude[0]:.3g} m or any of "
             f"{TRIAL_CYCLES} amplitudes tried with positive parameters: under a sine it grows or drifts for "
             "ever, or is not found"
         )
-    if np.isfinite(loop.harmonics(amplitude, np.zeros(TRIAL_CYCLES), omega, values)[0]).any():
-        return ()
-    return (
-        f"The loop closes, but wherever it was tried {states} changes so much faster than the motion that "
-        "its force is not known.",
+    closed = np.flatnonzero(np.isfinite(stiffness))
+    if not len(closed):
+        return None, (
+            f"The loop closes, but wherever it was tried {states} changes so much faster than the "
+            "motion that its force is not known: it was not compared with one stepped through time.",
+        )
+    worst = 0.0
+    for row in closed[:STEPPED_CYCLES]:
+        numbers = {name: float(value[row]) for name, value in values.items()}
+        size, speed = float(amplitude[row]), float(omega[row])
+        stepped = _stepped(loop, force, begin[:, row], size, speed, numbers)
+        if stepped is None:
+            return None, (
+                "To follow the loop takes too many steps here: it was not compared with one stepped through "
+                "time.",
+            )
+        dynamic, miss = stepped
+        # the force of a constant state is a mean force alone
+        scale = abs(dynamic) + abs(mean[row]) / size or 1.0
+        worst = max(worst, miss, abs(stiffness[row] + 1j * speed * damping[row] - dynamic) / scale)
+    remark = f"The loop differs from one stepped through time by {worst:.1e}: trust no more digits."
+    return float(worst), (remark,) if worst > STEPPED_TOLERANCE else ()
+
+
+def _stepped(
+    loop: _Loop, force: sympy.Expr, begin: Array, X_: float, omega: float, values: Mapping[str, float]
+) -> tuple[complex, float] | None:
+    """Integrate the law as it is written over one cycle, from states (q,) at phase zero, by LSODA.
+
+    Returns
+    -------
+    tuple of a complex number and a float, or None
+        k + i omega c [N/m], and the distance of the states after the cycle from their start, relative to the
+        largest of them; None where it takes too many steps.
+    """
+    numbers, size = tuple(values[name] for name in loop.parameters), len(begin)
+    names = (STATE_X, STATE_V, *(rate.symbol for rate in loop.form.rates), X, X0, OMEGA)
+    law = compiled((*(rate.rate for rate in loop.form.rates), force), (*names, *map(symbol, loop.parameters)))
+
+    def slope(phi: float, state: Array) -> Array:
+        sine, cosine = np.sin(phi), np.cos(phi)
+        *rates, n = law(X_ * sine, omega * X_ * cosine, *state[:size], X_, 0.0, omega, *numbers)
+        return np.array([*(rate / omega for rate in rates), n * sine, n * cosine])
+
+    scale = float(np.max(np.abs(begin))) or 1.0
+    run = scipy.integrate.LSODA(
+        slope, 0.0, np.append(begin, (0.0, 0.0)), 2 * np.pi, max_step=0.2, rtol=1e-10, atol=1e-11 * scale
     )
+    for _ in range(MAX_LSODA_STEPS):
+        if run.status == "running":
+            run.step()
+    if run.status != "finished":
+        return None
+    miss = float(np.max(np.abs(run.y[:size] - begin))) / scale
+    return complex(*run.y[size:]) / (np.pi * X_), miss
 
 
 def _loop(force: sympy.Expr, parts: Parts) -> _Added:
     """Integrate terms along their loop: states with equations, and forces not linear in a memory."""
     memory, force_of_loop = parts.memory, parts.loop
     evaluated: Remembered
+    error: float | None = None
     remarks: tuple[str, ...] = ()
     along = on_cycle(force_of_loop, memory)
     if any(isinstance(free, Inner) for free in along.free_symbols):
         loop = _Loop.of(force_of_loop, memory)
-        remarks, evaluated = _try_loop(loop), loop
+        (error, remarks), evaluated = _try_loop(loop, along), loop
     else:
         names = tuple(sorted({s.name for s in along.free_symbols} - {"x", "v", "X", "X0", "omega"}))
         evaluated = Branches(along, names)
@@ -385,5 +455,6 @@ def _loop(force: sympy.Expr, parts: Parts) -> _Added:
         sympy.S.Zero if parts.centred else balance,
         evaluated,
         remainder=remainder,
+        checked_to=error,
         remarks=(remark, *remarks),
     )

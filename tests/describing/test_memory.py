@@ -165,6 +165,8 @@ def held_against_stepping(derived, values, rate, X, k=0.0, asked=STEPPED):
 @pytest.mark.parametrize("n", [0.7, 1.7])
 def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(n):
     law = derive(make_element("bw", "k*x + z", {"z": "A*v - bg*abs(v)*abs(z)**(n-1)*z - bd*v*abs(z)**n"}))
+    assert law.checked_to is not None
+    assert law.checked_to < STEPPED
     values = {"k": 1.0, "A": 2.0, "bg": 0.7, "bd": 0.3, "n": n}
     for X in (1e-3, 1.0, 100.0):
         held_against_stepping(
@@ -186,8 +188,9 @@ def test_states_that_are_much_faster_than_the_motion():
         )
 
 
-def test_what_is_not_known_is_said_so():
+def test_what_was_not_compared_or_is_not_known_is_said_so():
     stiff = derive(make_element("stiff", "k*x + z", {"z": "a*v - 1e9*abs(v)*z"}))
+    assert stiff.checked_to is None
     assert any("much faster than the motion" in remark for remark in stiff.remarks)
     dahl = derive(make_element("dahl", "z", {"z": "kt*v - kt*abs(v)*z/Fs"}))
     with pytest.raises(RsgenError, match=r"is not known to three digits at X = 1e\+04 m"):
