@@ -78,8 +78,8 @@ NAMES = {
     **{
         f"name too long: {words.split()[0]}": Line(f"rsgen {words}", REFUSED)
         for words in (
-            f"check {N}.toml", f"simulate small.toml --out {N}.h5", f"inspect {N}.mat", f"init {N}.toml",
-            f"diff {N} {N}", f"report --out {N}", f"identify small.toml --surface {N}.h5", f"rank {N}.h5",
+            f"check {N}.toml", f"run small.toml --out {N}", f"inspect {N}.mat", f"init {N}.toml",
+            f"diff {N} {N}", f"report --out {N}", f"identify {N}.toml", f"rank {N}.toml",
         )
     },
     "deleted folder": Line(

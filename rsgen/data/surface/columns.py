@@ -1,4 +1,4 @@
-"""Columns of the response surface: units, types, checks; conversion to a data frame."""
+"""Columns of the response surface: units, types, checks."""
 
 from __future__ import annotations
 
@@ -229,7 +229,3 @@ def recognise_directions(
     if 2 * count > len(frequency):
         directions[:] = "rest"
     return directions
-
-
-# ----------------------------------------------------------------------------
-# Surfaces to data frames.
