@@ -402,14 +402,14 @@ def scattered(misfit: float) -> tuple[Finding, ...]:
 
 def other_mass(table: ModalTable, law: Iterable[Estimate]) -> list[Finding]:
     """Find that the intervals of the mass in a table and among the values of a law have no common value."""
-    mass = next((one for one in law if one.name == "m" and one.identifiable), None)
     half = float(interval_sigmas(table.splines.freedom)) * table.mass_error
-    if mass is None or not (half > 0 and mass.standard_error > 0):
-        return []
-    if not max(mass.interval[0] - table.mass, table.mass - mass.interval[1]) > half:
-        return []
-    numbers = quantities("kg", table=table.mass, law=mass.value) | quantities(ratio=table.mass / mass.value)
-    return [Finding("modal-mass-differs", "warning", "m", numbers)]
+    masses = (one for one in law if one.name == "m" and one.identifiable and one.standard_error * half > 0)
+    for one in masses:
+        if max(one.interval[0] - table.mass, table.mass - one.interval[1]) > half:
+            numbers = quantities("kg", table=table.mass, law=one.value)
+            numbers |= quantities(ratio=table.mass / one.value)
+            return [Finding("modal-mass-differs", "warning", "m", numbers)]
+    return []
 
 
 def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:

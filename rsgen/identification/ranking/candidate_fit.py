@@ -140,13 +140,10 @@ class CandidateFit:
     def feeds(self, rows: WhitenedBalance) -> bool:
         """Return True if a damper of a sum has a negative factor, so that it feeds energy."""
         for element in self.candidate.elements:
-            law = compile_law(element.force)
-            x, v, a, step = (part[::POINT_STRIDE] for part in rows.motion_of(element.across))
+            law, motion = compile_law(element.force), rows.motion_of(element.across)
             values = law.ordered(self.candidate.values)
-            slopes = law.sample(x, v, a, step, values).by_parameter
-            if any(
-                values[i] < 0 and takes_energy(np.broadcast_to(slopes[i], v.shape) * v) for i in law.linear
-            ):
+            slopes = law.sample(*motion, values).by_parameter
+            if any(takes_energy(slopes[i] * motion[1]) for i in law.linear if values[i] < 0):
                 return True
         return False
 

@@ -368,8 +368,8 @@ def _ranking(
             found, fault = None, refused
             break
         identified[number] = found
-        feeding = any(f.code == "damping-feeds-energy" for f in found.findings)
-        if feeding and getattr(surface, "decays", False):
+        known = {"damping-feeds-energy", *(("not-converged",) if best.feeds(current.rows) else ())}
+        if getattr(surface, "decays", False) and known & {f.code for f in found.findings}:
             library = (i for i, fit in enumerate(candidates) if fit.candidate.name not in given)
             fed = {number, *(i for i in library if candidates[i].feeds(current.rows))}
             rest = [fit for i, fit in enumerate(candidates) if i not in fed and np.isfinite(bic[i])]
