@@ -366,20 +366,22 @@ def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
     surface = from_free_decay(TimeHistory(2000, None, dragged(), "acceleration"), mass=0.62)
     taken = one(surface.findings, "decay-taken")
     assert taken["released"] == pytest.approx(5.5e-3, rel=0.15)
-    # the first window of ten periods begins with the decay, at some 22 Hz
-    assert (taken["first"] - taken["begin"]) * 20 == pytest.approx(5.3, abs=0.4)
+    # at some 20 Hz; the amplitude falls too fast for the slopes of a window nearer to the release
+    assert (taken["first"] - taken["begin"]) * 20 == pytest.approx(7, abs=0.4)
     assert "the first period has 0.0048 m" in rsgen.sentence(taken)
     found = rsgen.identify(surface, law, mass=0.62)
     short = one(found.findings, "decay-begins-larger")
     assert short.severity == "warning"
     assert short["fitted"] < 0.5 * short["released"]
-    assert "is fitted is 1.8" in rsgen.sentence(short)
+    assert "is fitted is 1.29 mm (27 %): the first seven periods" in rsgen.sentence(short)
     # jumps were given as the reason, which a decay has not
     excluded = rsgen.sentence(one(found.findings, "points-excluded"))
     assert re.search(r"points were excluded: they disagree .* falls too fast within the window", excluded)
-    # a damper of a few per mille loses little in five periods
-    light = from_free_decay(TimeHistory(RATE, None, decay("cubic"), "displacement"), mass=MASS)
-    assert "decay-begins-larger" not in codes(rsgen.identify(light, "k*x + c*v + k3*x**3", mass=MASS))
+    # a light damper loses little in seven periods
+    t = np.arange(0, 60, 1 / RATE)
+    light = 0.012 * np.exp(-0.004 * 20 * np.pi * t) * np.cos(20 * np.pi * t)
+    surface = from_free_decay(TimeHistory(RATE, None, light, "displacement"), mass=MASS)
+    assert "decay-begins-larger" not in codes(rsgen.identify(surface, "k*x + c*v", mass=MASS))
 
 
 def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_named() -> None:

@@ -63,8 +63,6 @@ _MIN_PERIODS = WINDOW_PERIODS * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
 """Of a decay: as many independent windows."""
 _REACH_OF_WINDOW = 0.375
 """Of its length, from its middle: a motion that stops there changes the slope of the envelope by 0.2 %."""
-_REACH_OF_FIRST = 0.54
-"""Of its length, from the release to the middle of the first window; it is known to some percent."""
 _NO_MASS = (
     "{}: a free decay determines stiffness and damping per mass only; give the mass, or 1 kg where it is not "
     "known: all parameters are then per kg"
@@ -393,8 +391,6 @@ def _tracked(
     time, frequency = _follow(samples, history.rate, first)
     if len(time) < 2:
         raise _too_short(history, first, len(samples) / history.rate * first)
-    # the first window begins with the decay
-    time[0] = min(_REACH_OF_FIRST * WINDOW_PERIODS / frequency[0], (time[0] + time[1]) / 2)
     for number in range(REFERENCE_PASSES):
         curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
         time, envelope = _demodulated(samples, history, curve, time, harmonics)
@@ -430,9 +426,7 @@ def _demodulated(
 ) -> tuple[Array, ComplexArray]:
     """Return instants (n,) [s] and envelopes (n, orders, 3) [SI] against a curve of the frequency [Hz]."""
     rate, turns = history.rate, curve.antiderivative()
-    # a period more, so that a frequency a little lower than in the pass before does not lose the last instant
-    end = time[-1] + 1 / float(curve(time[-1]))
-    t = independent_instants(lambda t: WINDOW_PERIODS / np.asarray(curve(t)), time[0], end)
+    t = independent_instants(lambda t: WINDOW_PERIODS / np.asarray(curve(t)), time[0], time[-1])
     period = rate / curve(t)
     orders = highest_order(harmonics, rate, float(np.max(curve(t))))
     windows = place_windows(t * rate, WINDOW_PERIODS * period, period, orders, len(samples))
