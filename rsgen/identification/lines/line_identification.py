@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from math import inf, nan
 
 import numpy as np
@@ -34,7 +35,7 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
-from rsgen.data.multisine.spectra import MultisineSpectra, check_records
+from rsgen.data.multisine.spectra import MultisineSpectra, check_records, rms
 from rsgen.data.oscillator import Model, force_units
 from rsgen.data.surface.mode_findings import fixed_contradicted
 from rsgen.dynamics.linear_part import background_of_lines
@@ -101,7 +102,44 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     """
     fit = fit_multisine(spectra, model)
     with np.errstate(all="ignore"):
+        if offset := _offset_findings(fit):
+            without = replace(spectra, mean_known=False, findings=(*spectra.findings, *offset))
+            other = fit_multisine(without, model)
+            # of a law that does not fit, the mean is none of the sensor's
+            if (
+                other.misfit <= (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit
+                and other.misfit < MISFIT_DOUBTFUL
+            ):
+                spectra, fit = without, other
         return _assemble(spectra, model, fit)
+
+
+def _offset_findings(fit: LineFit) -> list[Finding]:
+    """Find that the law along the recorded motion has another mean force than was recorded; none or one.
+
+    The lines above zero do not tell the zero of a displacement: a law of powers has another one of the same
+    degree about any other zero.
+    """
+    law, part = fit.law, fit.mode.spectra
+    several = part.periods > 1
+    if not (part.mean_known and several and law.springs) or law.remembers or law.acts_across or part.base:
+        return []
+    rest, size = np.abs(fit.balance.residual[:, 0].real), rms(part.mean_force)
+    if np.any(np.abs(part.mean_force[:, 0]) > MISFIT_NEGLIGIBLE * size):
+        # without the mean of the motion that of the force would be lost, too
+        return []
+    slopes = fit.balance.slopes[:, :, 0].real
+    error = np.einsum("rp,pq,rq->r", slopes, fit.errors[0].covariance, slopes)
+    error = np.sqrt(error + fit.noise.variance[:, 0])
+    row = int(np.argmax(rest / size))
+    if not rest[row] > max(OUTLIER_SIGMAS * error[row], MISFIT_NEGLIGIBLE * size[row]):
+        return []
+    force, level = (
+        Quantity(float(rest[row]), part.units.force),
+        Quantity(float(part.level[row]), part.level_unit),
+    )
+    numbers = {"rest": force, "level": level} | quantities(share=rest[row] / size[row])
+    return [Finding("sensor-offset", "warning", numbers=numbers, names={"by": "balance"})]
 
 
 def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
@@ -457,9 +495,10 @@ def predict_multisine(found: MultisineIdentification, spectra: MultisineSpectra 
 def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra, row: int) -> PredictedRecord:
     """Predict the response to the measured force of a record, and its error over the band.
 
-    The iteration starts from the motion of the law's slopes at rest; where that does not converge, the force
-    grows to its size in ten steps (``periodic_response``). With two sensors it starts from the measured
-    response, and the motion across is as measured; lines that are not of the mode are added as measured.
+    The iteration starts from the motion of the law's slopes at rest; where that does not converge, the
+    force grows to its size in ten steps (``periodic_response``), and then it starts from the measured
+    response: of several motions the nearest is meant. With two sensors it starts there at once, and the
+    motion across is as measured; lines that are not of the mode are added as measured.
     """
     spectra, background = spectra.select([row]), found.background
     law, start = law_of(found.model.elements, spectra.means), None
@@ -476,7 +515,10 @@ def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra,
         start = np.where(spectra.lines < spectra.reach()[0], 0, mode.mean_response[0])
         far = far[0].mean(axis=0)
     base = float(spectra.omega[0, 1])
-    response = periodic_response(law, found.solution, found.mass, base, force, start, far)
+    solve = partial(periodic_response, law, found.solution, found.mass, base, force)
+    response = solve(start, far)
+    if not response.converged and start is None:
+        response = solve(mode.mean_response[0], far)
     # what is not of the mode is added as it was measured
     seen = response.spectrum + (measured - mode.mean_response[0])
     predicted = seen if response.converged else np.full(len(force), nan + 0j)

@@ -9,9 +9,9 @@ sizes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations, product
 from typing import TypeVar
 
 import numpy as np
@@ -40,11 +40,13 @@ from rsgen.common.tolerances import (
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import Inertia
+from rsgen.formula.names import symbol
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.identification.starting.search import STARTS, search_nonlinear
+from rsgen.law.character import mirror_exchanges
 from rsgen.law.element import make_element
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import ForceLaw, compile_law, put_in_order
@@ -329,13 +331,33 @@ def _start_first_order(problem: Problem) -> Array:
         return fit_balance(alone, parameters, order=START_HARMONICS).regression.parameters
     trials = []
     for background in _start_backgrounds(problem):
-        found = _start_values(observed.mode(background), problem.law, problem.fixed)
-        trials.append(problem.join(found.values, found.mass, background))
+        points = observed.mode(background)
+        found = _start_values(points, problem.law, problem.fixed)
+        several = [found, *_start_on_both_sides(problem, points, found.values)]
+        trials += [problem.join(one.values, one.mass, background) for one in several]
     if len(trials) == 1:
         return trials[0]
     few = problem.select(observed.points.spread(SUBSAMPLE_POINTS))
     fits = [fit_balance(few, trial, order=START_HARMONICS, correct=False) for trial in trials]
     return min(fits, key=lambda found: found.regression.sigma).regression.parameters
+
+
+def _start_on_both_sides(problem: Problem, points: Points, values: Array) -> Iterator[Solution]:
+    """Solve with two parameters equal that the mirror image exchanges, as a stop on each side.
+
+    Along sines a stop on one side has the fundamental of two stops of half the stiffness.
+    """
+    law, fixed = problem.law, problem.fixed
+    if not even_part_unobservable(problem) or law.remembers or law.acts_across:
+        return
+    for pair in combinations(law.nonlinear, 2):
+        names = [law.parameters[place] for place in pair]
+        if not mirror_exchanges(law.expression, *map(symbol, names)):
+            continue
+        for place in pair:
+            near = np.array(values)
+            near[list(pair)] = values[place]
+            yield solve_equations(Equations.along(points, law, 1), law, fixed, near)
 
 
 def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
