@@ -11,8 +11,9 @@ from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.identification.identify import identify
-from rsgen.identification.prediction import predict
+from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
+from rsgen.identification.prediction.prediction_result import known_beyond
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import make_element
@@ -362,6 +363,8 @@ def test_a_point_that_jumps_late_is_named_and_no_warning(kind):
     (missing,) = (f for f in held.findings if f.code == "held-out-points-missing")
     assert {all_fitted.severity, missing.severity} == {"info" if kind == "jump" else "warning"}
     assert f"1 of 138 points {at} were excluded" in sentence(all_fitted)
+    # a point that was measured while the motion fell is no jump in another place
+    assert "than the law has it" not in sentence(all_fitted)
     assert (f"lie at a jump {at}" in sentence(missing)) == (kind == "jump")
     assert held.held_out[0].error < 0.01
 
@@ -415,7 +418,12 @@ def test_of_a_curve_that_the_band_cuts_the_largest_amplitude_is_not_stated():
     prediction = predict_shown(table, identify(table, law, Observation(predict=(3.0,))))
     (said,) = (finding for finding in prediction.findings if finding.code == "level-predicted")
     assert prediction[3.0].rises_at_end
-    assert set(said.numbers) == {"level", "at", "reached"}
+    inside = {"inside", "inside_low", "inside_high", "inside_at"}
+    assert set(said.numbers) == {"level", "at", "reached"} | inside
+    assert said["inside_low"] < said["inside"] < said["inside_high"]
+    assert said["inside"] < said["reached"]
+    assert 18 <= said["inside_at"] <= 20 < said["at"]
+    assert "in the tested band, at " in sentence(said)
     assert "its peak is not known, beyond the amplitudes that were tested" in sentence(said)
 
 
@@ -510,3 +518,11 @@ def test_a_jump_has_the_direction_of_the_sweep_in_which_it_is(k3, peak_jumps):
     at_peak = curve.folds[np.argmax(curve.folds[:, 1]), 0]
     assert f"{at_peak:.5g} {peak_jumps}" in curve.jumps
     assert "down, " in str(predict(stiff, [0.3], band=(7, 13)))
+
+
+def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reach():
+    points = np.linspace(18.0, 20.0, 3)
+    measured = np.full(3, 8e-4 + 0j)
+    held = HeldOutLevel(2.5, "up", points, measured, measured, 0.0066, 0.01, 0, force=2.5)
+    assert known_beyond([held], 2.5, 2e-3, 7e-4)["error"].value == 0.0066
+    assert known_beyond([held], 2.5, 2e-3, 9e-4) == {}

@@ -31,7 +31,13 @@ import rsgen.identification  # profiles, for laws with nonlinear parameters
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Severity, quantities
-from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, RELATIVE_ERROR_DOUBTFUL, SUBSAMPLE_POINTS
+from rsgen.common.tolerances import (
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MISFIT_DOUBTFUL_WITH_PATTERN,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
+    SUBSAMPLE_POINTS,
+)
 from rsgen.data.oscillator import Model, force_units, refuse_across
 from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
@@ -358,7 +364,10 @@ class Findings:
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
         # next to a background a mode without a law has another mass
         mass = self.model.mass if self.model.observation.background == "none" else None
-        found += mode_findings(self.surface, mass, found)
+        regression = self.fit.regression
+        few_left_out = float(np.mean(~regression.used)) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE
+        near = not self.fit.systematic or regression.rms_misfit < MISFIT_DOUBTFUL_WITH_PATTERN
+        found += mode_findings(self.surface, mass, found, near and few_left_out)
         found += self._runs()
         return found
 

@@ -144,7 +144,7 @@ def misfit_findings(
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
         found += _level_apart(points, fit.regression, surface.level_unit)
-    if backgrounds:
+    if backgrounds and fit.regression.converged:
         found += background_findings(
             backgrounds,
             left_by_kind,
@@ -326,6 +326,10 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
     return found
 
 
+_ABSURD_MOVE = 10.0
+"""Times its value by which no first-order step moves a parameter: another law or another test is meant."""
+
+
 def background_findings(
     others: Mapping[str, Alternative],
     left_by_kind: Mapping[str, float],
@@ -355,9 +359,9 @@ def background_findings(
     times = np.abs(change) / np.sqrt(np.diag(found.covariance))
     share = change / found.parameters
     clear = (times > STANDARD_ERRORS_OF_DIFFERENCE) & (np.abs(share) > RELATIVE_CHANGE_NEGLIGIBLE)
-    if not clear.any():
-        return []
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
+    if not (clear.any() and abs(share[worst]) <= _ABSURD_MOVE):
+        return []
     numbers = quantities(misfit=misfit, left=least, moved=share[worst], times=times[worst])
     if kind == "mean":
         numbers["offset"] = Quantity(float(others[kind].shift[-1]), "m")

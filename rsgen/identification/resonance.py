@@ -82,6 +82,11 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
         else:
             omega = blend(points.omega)
             damping = blend(stiffness.imag / points.omega)
+        jump = near == other and len(run) > 1
+        jump = jump and not _passes_smoothly(stiffness[run].real, points.omega[run], near, mass)
+        # the side from which a sweep came to the jump is the one without the resonance
+        before = {"up": -1, "down": 1}.get(str(points.sweep[i]), 0)
+        landed = jump and before and amplitude[run[near + before]] < MIN_JUMP_RATIO**-1 * amplitude[i]
         found.append(
             Resonance(
                 level=float(points.level[i]),
@@ -91,9 +96,8 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
                 amplitude=blend(amplitude),
                 stiffness=mass * omega**2,
                 damping=damping,
-                jump=near == other
-                and len(run) > 1
-                and not _passes_smoothly(stiffness[run].real, points.omega[run], near, mass),
+                jump=jump,
+                reached=not landed and (len(run) < 3 or 0 < int(np.argmax(amplitude[run])) < len(run) - 1),
             )
         )
         places.append((int(i), int(j), share))

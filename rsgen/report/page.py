@@ -18,6 +18,7 @@ from markupsafe import Markup, escape
 
 import rsgen
 from rsgen.analysis.comparison import Comparison, all_findings, verdict_of
+from rsgen.common.arrays import Array
 from rsgen.common.finding import STATES, USABLE, Finding, Quantity, quantities, reasons_of, steps_once
 from rsgen.common.output import write_atomic
 from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, is_significant
@@ -172,7 +173,7 @@ def page_context(
     modal
         The modal table, or why there is none.
     """
-    said = _verdict_context(subject, identification, comparison, prediction)
+    said = _verdict_context(subject, identification, comparison, prediction, modal)
     usable, mean = said["state"] in USABLE, derive(identification.model.force).mean
     return {
         "title": subject.title,
@@ -208,7 +209,11 @@ def page_context(
 
 
 def _verdict_context(
-    subject: Subject, identification: Identification, comparison: Comparison, prediction: Prediction
+    subject: Subject,
+    identification: Identification,
+    comparison: Comparison,
+    prediction: Prediction,
+    modal: Modal,
 ) -> dict[str, Any]:
     """Return what a result is worth, what it means, and what warns of it."""
     verdict = verdict_of(identification, comparison, prediction)
@@ -230,7 +235,7 @@ def _verdict_context(
         "alternative_table": tables.alternative_table(identification),
         "meaning": [
             *describe_elements(subject.elements, identification).items(),
-            *(("resonance", sentence(course)) for course in resonance_course(identification)),
+            *(("resonance", sentence(course)) for course in resonance_course(identification, modal)),
         ],
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in reasons_of(stated)],
@@ -288,23 +293,31 @@ def _sides(element: Element, identification: Identification, values: dict[str, f
     return {"pull": pull, "push": push, "largest": Quantity(largest, "m")}
 
 
-def resonance_course(identification: Identification) -> list[Finding]:
-    """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none."""
-    ends, found = np.array(identification.amplitude_range), _resonance(identification)
+def resonance_course(identification: Identification, modal: Modal = NO_MODAL) -> list[Finding]:
+    """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none.
+
+    The ends are those of the modal table where there is one: off resonance smaller motions say little of it.
+    """
+    rows = identification.amplitude_range if modal.table is None else modal.table.amplitude
+    ends = np.array([np.min(rows), np.max(rows)])
+    found = _resonance(identification, ends)
     if found is None:
         return []
     numbers = quantities("m", amplitude_first=ends[0], amplitude_last=ends[1])
     numbers |= quantities("Hz", frequency_first=found.frequency[0], frequency_last=found.frequency[1])
     numbers |= quantities(ratio_first=found.damping_ratio[0], ratio_last=found.damping_ratio[1])
     order = {"order": "first"} if found.harmonics is None and harmonics_matter(identification) else {}
-    return [Finding("resonance-course", "info", numbers=numbers, names=order)]
+    low, high = identification.frequency_range
+    outside = [f"{one:.4g} Hz" for one in found.frequency if not low <= one <= high]
+    beyond = {"beyond": " and ".join(outside)} if outside else {}
+    return [Finding("resonance-course", "info", numbers=numbers, names=order | beyond)]
 
 
-def _resonance(identification: Identification) -> Any:
-    """Return the backbone of the law at the ends of the tested amplitudes; None where it is not known."""
+def _resonance(identification: Identification, ends: Array) -> Any:
+    """Return the backbone of the law at amplitudes (2,) [m]; None where it is not known."""
     if any(element.across for element in identification.model.elements):
         return None
-    found = smooth_backbone(identification, np.array(identification.amplitude_range))
+    found = smooth_backbone(identification, ends)
     return found if np.isfinite([found.omega, found.damping_ratio]).all() else None
 
 
@@ -317,7 +330,7 @@ def _course(
     followed = {element.across: (float(curve.min()), float(curve.max())), "": identification.amplitude_range}
     low, high = followed[element.across]
     omega = np.pi * sum(identification.frequency_range)
-    at = _resonance(identification)
+    at = _resonance(identification, np.array(identification.amplitude_range))
     # damping may depend on the frequency: that of the resonance, which is stated with its damping, too
     amplitude, speed = np.array([low, high]), np.full(2, omega) if at is None else at.omega
     # the mean is a matter of all elements together

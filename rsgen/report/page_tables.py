@@ -217,8 +217,8 @@ def _number_or_dash(value: float, digits: int = 4) -> str:
 
 
 def resonance_table(identification: Identification) -> Table:
-    """Return the resonance of every level and sweep."""
-    points, curve = identification.resonances, identification.curve
+    """Return the resonance of every level and sweep that reaches it."""
+    points, curve = [one for one in identification.resonances if one.reached], identification.curve
     amplitude = choose_scale([point.amplitude for point in points], "m")
     stiffness = choose_scale([point.stiffness for point in points], curve.units.of("N/m"))
     damping = choose_scale([point.damping for point in points], curve.units.of("N*s/m"))

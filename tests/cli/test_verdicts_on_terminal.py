@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from rsgen.app.cli import progress_bar
 from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study.run_case import CaseRun
 from rsgen.common.finding import STATES, Finding, Verdict, reasons_of
@@ -68,6 +69,21 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, states, decide
     assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
     assert answer.out.count("  because: ") == len(reasons_of(verdict))
     assert values in answer.out
+    # its law, and its warnings
+    law = " + ".join(element["force"] for element in written["elements"])
+    assert f"\n{law}\nparameter  " in answer.out
+    said = zip(written["findings"], written["warnings"], strict=True)
+    warned = [text for finding, text in said if finding["severity"] == "warning"]
+    assert all(f"  warning: {text}" in answer.out for text in warned[:5])
+
+
+def test_many_warnings_of_a_run_are_not_all_printed():
+    warned = tuple(f"  warning: {number}" for number in range(7))
+    verdict = state_verdict(Verdict("identified", (), None))
+    run = CaseRun(Path("a.toml"), "a", verdict=verdict, warned=warned, warnings=7, notes=1)
+    lines = progress_bar._lines(run, values=True)
+    assert [line for line in lines if "warning: " in line] == list(warned[:5])
+    assert "  2 more warnings and 1 note in report.html" in lines
 
 
 def test_a_run_counts_the_warnings_and_notes_of_its_report(tmp_path, run_cli):
@@ -79,6 +95,6 @@ def test_a_run_counts_the_warnings_and_notes_of_its_report(tmp_path, run_cli):
     findings = json.loads((out / "csv-magnitude" / "result.json").read_text())["findings"]
     severities = [finding["severity"] for finding in findings]
     assert (severities.count("warning"), severities.count("info")) == (1, 3)
-    assert "  1 warning and 3 notes in report.html\n" in said
+    assert "  3 notes in report.html\n" in said
     # and an unchanged result again
-    assert "  1 warning and 3 notes in report.html\n" in run_cli("run", path, "--out", out).out
+    assert "  3 notes in report.html\n" in run_cli("run", path, "--out", out).out

@@ -209,3 +209,11 @@ def test_points_that_no_law_explains_do_not_scale_the_collapse():
     lost = replace(IDENTIFICATION, curve=replace(IDENTIFICATION.curve, damping=damping))
     low, _ = figures.draw_collapse(lost).figure.axes[1].get_ylim()
     assert low > -C1
+
+
+def test_no_movement_of_the_resonance_is_stated_where_the_band_ends_before_it():
+    below = SURFACE.select(SURFACE.frequency < 0.95 * IDENTIFICATION.resonances[0].frequency)
+    said = figures.draw_surface(below).alternative
+    assert "it moves by" not in said
+    assert "at the edge of the band, where the resonance lies or beyond which it lies" in said
+    assert "it moves by" in figures.draw_surface(SURFACE).alternative

@@ -244,6 +244,18 @@ def test_jumps_across_the_resonance_are_marked():
     table = surface("quintic", levels=np.array([2.0, 20.0]))
     found, _ = find_resonances(select_points(table, model("quintic")), 1.5)
     assert [resonance.jump for resonance in found] == [False, True]
+    assert all(resonance.reached for resonance in found)
+
+
+@pytest.mark.parametrize("sweep", ["up", "down"])
+def test_the_point_at_which_a_sweep_lands_is_no_resonance(sweep):
+    """The first point after the jump of a sweep down was listed and drawn as the resonance of its level."""
+    law = "k*x + k3*x**3 + c*v"
+    oscillator = Oscillator(2.0, law, {"k": 2e4, "k3": 3e9, "c": 12.0})
+    plan = SimulatedTest([3.0], np.linspace(13, 24, 56), sweep=sweep, method="harmonic-balance")
+    (resonance,), _ = find_resonances(select_points(simulate(oscillator, plan), Model(law)), 2.0)
+    assert resonance.jump
+    assert resonance.reached == (sweep == "up")
 
 
 def test_a_level_that_ends_before_its_resonance_has_none():

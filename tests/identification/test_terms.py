@@ -1,11 +1,14 @@
 """Terms beside a law: what a law lacks, and what intervals say of it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen.identification.misfit import background_findings
 from rsgen.identification.results.alternatives import Alternative, Alternatives
 from rsgen.report.wording.sentences import next_step, sentence
 
@@ -197,3 +200,14 @@ def test_a_delay_between_the_channels_is_named_with_its_value(band, delay):
     assert not {"law-does-not-fit", "channels-delayed"} & {
         one.code for one in rs.identify(test, law).findings
     }
+
+
+@pytest.mark.parametrize(("moved", "named"), [(-0.5, True), (-790.0, False)])
+def test_a_background_that_moves_a_value_absurdly_is_no_advice(moved, named):
+    """Of a fit that had not converged it was said that k3 differs by -79 000 %."""
+    found: Any = SimpleNamespace(covariance=np.array([[1e-6]]), parameters=np.array([1.0]))
+    other: Any = SimpleNamespace(shift=np.array([moved]))
+    said = background_findings(
+        {"phase": other}, {"phase": 0.001}, found, ["k3"], misfit=0.26, left_by_term=0.2
+    )
+    assert bool(said) == named

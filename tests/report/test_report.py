@@ -11,6 +11,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jinja2
@@ -502,6 +503,18 @@ def test_elements_are_described_at_the_frequency_of_the_resonance():
     for end in ("first", "last"):
         omega = 2 * np.pi * course[f"frequency_{end}"]
         assert damping[f"damping_{end}"] == pytest.approx(2 * course[f"ratio_{end}"] * found.mass * omega)
+
+
+def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked_beyond_the_band():
+    """It was stated at motions far off resonance, below those of the table, and beyond the band unmarked."""
+    _, found = quintic()
+    assert "beyond" not in resonance_course(found)[0].names
+    table: Any = SimpleNamespace(amplitude=np.array([4e-4, 6e-4]))
+    (course,) = resonance_course(found, tables.Modal(table))
+    assert (course["amplitude_first"], course["amplitude_last"]) == (4e-4, 6e-4)
+    (cut,) = resonance_course(replace(found, frequency_range=(16.5, 21.0)))
+    assert cut.names["beyond"] == f"{cut['frequency_last']:.4g} Hz"
+    assert f"(beyond the tested band: {cut['frequency_last']:.4g} Hz)" in sentence(cut)
 
 
 def test_an_even_force_has_no_other_side_and_its_mean_stands_in_all_formulas(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import tomllib
 from collections.abc import Mapping
 from os.path import commonpath
 from pathlib import Path
@@ -91,7 +92,22 @@ def case_text(name: str, law: str, test: str | None = None, memory: Mapping[str,
         elements=[(element, write(part), equations_of(part)) for element, part in elements],
         truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
         tables=test,
+        levels=_example_levels(test),
     )
+
+
+def _example_levels(test: str | None) -> tuple[str, str]:
+    """Return a level to hold out and one to predict: the names of files say them, else examples."""
+    table = tomllib.loads(test or "").get("test", {})
+    form, files = table.get("level", {}).get("name", ""), table.get("file", "")
+    before, found, after = form.partition("{level}")
+    unit = re.match("[munk]?N", after)
+    if not (found and unit and isinstance(files, list)) or "*" in before:
+        return "7 N", "8 N"
+    texts = (Path(file).name.removeprefix(before).partition(after.partition("*")[0])[0] for file in files)
+    amounts = sorted({float(text.replace(",", ".").replace("p", ".")) for text in texts})
+    held, most = amounts[-2:]
+    return f"{held:g} {unit[0]}", f"{(held + most) / 2:g} {unit[0]}"
 
 
 def _folder_of(files: list[Path], target: Path) -> Path:

@@ -32,6 +32,10 @@ class Listener(NamedTuple):
     progress: Callable[[Step], None] | None = None
 
 
+_MAX_WARNINGS = 5
+"""So many a case are printed; the others are counted."""
+
+
 def _lines(run: CaseRun, *, values: bool) -> list[str]:
     """Return the lines of a finished case: verdict, folder, reasons, held-out levels, counts; [] of none.
 
@@ -42,13 +46,16 @@ def _lines(run: CaseRun, *, values: bool) -> list[str]:
     headline, *reasons = verdict_lines(run.verdict)
     how = "unchanged" if run.skipped else f"{run.seconds:.1f} s"
     held_out = (f"  {line}" for line in run.held_out)
-    counted = ((run.warnings, "warning"), (run.notes, "note"))
+    warned = run.warned[:_MAX_WARNINGS] if values else ()
+    unsaid = run.warnings - len(warned)
+    counted = ((unsaid, "more warning" if warned else "warning"), (run.notes, "note"))
     more = " and ".join(count_text(number, name) for number, name in counted if number)
     return [
         f"{run.name}: {headline} ({how}) {run.folder}",
         *reasons,
         *(run.values if values else ()),
         *held_out,
+        *warned,
         *([f"  {more} in report.html"] if more else []),
         *next_lines(run.verdict),
     ]

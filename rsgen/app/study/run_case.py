@@ -10,7 +10,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import partial
@@ -109,7 +109,9 @@ class CaseRun:
     held_out
         How well each held-out level is predicted, and what an untested one is predicted to do, a line each.
     values
-        The lines of the table of parameters, as `rsgen identify` prints it.
+        The law and the lines of the table of parameters, as `rsgen identify` prints them.
+    warned
+        The warnings of the report, without what decided the verdict.
     warnings, notes
         How many of each the report has, without what decided the verdict.
     """
@@ -124,6 +126,7 @@ class CaseRun:
     verdict: StatedVerdict | None = None
     held_out: tuple[str, ...] = ()
     values: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
     warnings: int = 0
     notes: int = 0
 
@@ -180,12 +183,17 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
         return None
 
 
+def _in_one_line(element: Mapping[str, Any]) -> str:
+    """Return the force of an element, with the equations of its states."""
+    return ", ".join((element["force"], *(f"{z}' = {rate}" for z, rate in element["memory"].items())))
+
+
 def _finished(case: Case, folder: Path) -> CaseRun:
     """Return what the result in a folder says of a case."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
     fit = Entry(folder, result).fit()
     severities = [finding["severity"] for finding in result["findings"]]
-    said = zip(result["findings"], result["warnings"], strict=True)
+    said = list(zip(result["findings"], result["warnings"], strict=True))
     asked = [str(text) for finding, text in said if finding["code"] == "level-predicted"]
     return CaseRun(
         case.path,
@@ -195,9 +203,11 @@ def _finished(case: Case, folder: Path) -> CaseRun:
         verdict=result["verdict"],
         held_out=(*(str(entry["said"]) for entry in result["held_out"]), *asked),
         values=(
+            " + ".join(_in_one_line(element) for element in result["elements"]),
             *str(table_of((*fit.estimates, *fit.background))).split("\n"),
             *(f"  {line}" for line in (result["outcome"], *mass_lines(fit.estimates))),
         ),
+        warned=tuple(f"  warning: {text}" for finding, text in said if finding["severity"] == "warning"),
         warnings=severities.count("warning"),
         notes=severities.count("info"),
     )

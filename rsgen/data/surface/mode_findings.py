@@ -27,6 +27,9 @@ _FACTORS_OF_MASS = {
 """Further factors by which a mass is wrong if its unit, or that of force or response, is another one."""
 
 _SAID = ("another-quantity", "base-misread", "fixed-contradicted", "mass-negative")
+_MIN_LEVELS = 3
+"""Of two levels each has only the other one to contradict it."""
+
 _MIN_POINTS = 12
 """Fewer are fitted by nearly any curves."""
 
@@ -37,26 +40,41 @@ the resonance, masses of one mode were off by up to 4.1 at a misfit that explain
 _MASS_MISREAD = 1.5
 """Factor from which no balance and no added sensor explains the difference, but a unit or another factor."""
 
+_MISFIT_OF_EXCHANGE = 0.03
+"""Least misfit of any curves where few speak for an exchange: two sound levels next to a gap left 1.2 %, and
+0.4 % when exchanged; with each other's responses they left 4.4 %."""
+
 _LEFT_BY_EXCHANGE = 0.5
 """Share of the misfit of any curves that levels leave when exchanged back: files in order, of virtual tests
 with noise of 1 % and without, left 0.96 or more where that misfit was not negligible."""
 
 
 def mode_findings(
-    surface: ResponseSurface, mass: float | None, known: Collection[Finding] = ()
+    surface: ResponseSurface,
+    mass: float | None,
+    known: Collection[Finding] = (),
+    fits: bool | None = None,
 ) -> list[Finding]:
     """Find that levels or channels are exchanged, or a given mass [kg] is in another unit; none or one.
 
-    Nothing is found where it is known that the response, the base or the mass was misread.
+    Nothing is found where it is known that the response, the base or the mass was misread, and no exchange of
+    levels where a law fits as they were read (``fits``; None where there is no law).
     """
     rows = driven_points(surface)
     other = surface.base or surface.per_mass or surface.decays or np.isfinite(surface.across).any()
-    said = any(f.code in _SAID and f.parameter in ("", "m") for f in (*surface.findings, *known))
-    if said or other or surface.control == "phase" or len(rows) < _MIN_POINTS:
+    said = {f.code for f in (*surface.findings, *known) if f.code in _SAID and f.parameter in ("", "m")}
+    # an exchange of levels may be what makes the mass negative
+    if said - {"mass-negative"} or other or surface.control == "phase" or len(rows) < _MIN_POINTS:
         return []
     omega, response = surface.omega[rows], surface.harmonics[rows, 1]
-    if swapped := _swapped(surface.force[rows], response, omega, surface.level[rows]):
-        return swapped
+    if not fits:
+        # any curves are less than a law that is known not to fit, and two levels less than more
+        floors = (MISFIT_NEGLIGIBLE, _MISFIT_OF_EXCHANGE, MISFIT_REJECTED)
+        floor = floors[(fits is None) + (len(np.unique(surface.level[rows])) < _MIN_LEVELS)]
+        if swapped := _swapped(surface.force[rows], response, omega, surface.level[rows], floor):
+            return swapped
+    if said:
+        return []
     force, motion = steady(surface.force[rows], response, omega)
     return _exchanged(force, motion, omega) or ([] if mass is None else _of_mass(force, motion, mass))
 
@@ -67,7 +85,9 @@ def _typical_misfit(force: ComplexArray, motion: Kinematics, mass: float = nan) 
     return float(np.median(np.abs(found.left))), all(found.passive)
 
 
-def _swapped(force: ComplexArray, response: ComplexArray, omega: Array, level: Array) -> list[Finding]:
+def _swapped(
+    force: ComplexArray, response: ComplexArray, omega: Array, level: Array, floor: float
+) -> list[Finding]:
     """Find two neighbouring levels with each other's responses per force; the level stands for the force.
 
     The response then seems to grow with the force, so that only the curves k(X) and c(X) show it.
@@ -80,7 +100,7 @@ def _swapped(force: ComplexArray, response: ComplexArray, omega: Array, level: A
         by = np.where(level == low, high / low, np.where(level == high, low / high, 1.0))
         left[low, high] = _typical_misfit(*steady(by * force, by * response, omega))[0]
     misfit, (low, high) = left[levels[0], levels[0]], min(left, key=left.__getitem__)
-    if misfit < MISFIT_NEGLIGIBLE or left[low, high] > _LEFT_BY_EXCHANGE * misfit:
+    if misfit < floor or left[low, high] > _LEFT_BY_EXCHANGE * misfit:
         return []
     numbers = quantities("N", low=low, high=high) | quantities(misfit=misfit, then=left[low, high])
     return [Finding("levels-swapped", "doubt", "", numbers)]

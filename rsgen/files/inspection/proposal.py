@@ -495,7 +495,7 @@ def _write_responses(draft: _Draft, responses: Sequence[Sensor], left_out: list[
 
 _SCALE = f'{clues.TODO}or "rms"; the file does not say'
 _SENSE = (
-    "no title says it: a positive phase is earlier (lead) or later (lag); rsgen check says which is wrong"
+    "no title says it: a positive phase is earlier (lead) or later (lag); identify and run tell a wrong one"
 )
 
 

@@ -180,9 +180,15 @@ class HeldOutLevel(Brief):
         freeze(self, ("measured", "predicted"), np.complex128)
 
 
-def known_beyond(held_out: Sequence[object], force: float, amplitude: float) -> dict[str, Quantity]:
-    """Return the error of what was held out at a force [N], else above and up to an amplitude [m]."""
+def known_beyond(
+    held_out: Sequence[object], force: float, amplitude: float, tested: float
+) -> dict[str, Quantity]:
+    """Return the error of what was held out at a force [N], else above and up to an amplitude [m].
+
+    Of levels whose points stay below the largest ``tested`` amplitude [m] nothing follows for what is beyond.
+    """
     scored = [(one, one.force / force) for one in held_out if isinstance(one, HeldOutLevel)]
+    scored = [(one, ratio) for one, ratio in scored if np.abs(one.measured).max(initial=0.0) > tested]
     near = [one for one, ratio in scored if abs(ratio - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
     if near:
         return quantities(error=max(one.error for one in near))

@@ -268,9 +268,8 @@ def _findings(
         if run is not None and (beyond or curve.rises_at_end):
             short.append(_compare_peaks(found, balance, curve, run, numbers))
         elif beyond:
-            numbers |= known_beyond(
-                held_out or found.held_out, curve.force, float(np.nanmax(curve.amplitude))
-            )
+            largest = float(np.nanmax(curve.amplitude))
+            numbers |= known_beyond(held_out or found.held_out, curve.force, largest, tested[1])
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
@@ -500,17 +499,26 @@ def predict_shown(table: ResponseSurface | MultisineSpectra, identification: Ide
     else:
         levels = [] if identification.model.sensors else _shown_levels(table, identification)
         found = predict(identification, sorted({*levels, *asked}) or None, table)
-    largest = [_largest(found[level], table.base) for level in asked]
+    band = identification.frequency_range
+    largest = [_largest(found[level], table.base, band) for level in asked]
     return replace(found, findings=(*found.findings, *largest))
 
 
-def _largest(curve: ResonanceCurve, base: str) -> Finding:
-    """State the largest amplitude of a curve, its interval, and the frequencies of jumps."""
+def _largest(curve: ResonanceCurve, base: str, band: tuple[float, float]) -> Finding:
+    """State the largest amplitude of a curve, and in the tested band [Hz], its interval, and jumps."""
     numbers = {"level": Quantity(curve.level, curve.level_unit)}
     if len(curve.frequency):
         top = int(np.nanargmax(curve.amplitude))
-        low, size, high = (float(of[top]) for of in (curve.lower, curve.amplitude, curve.upper))
+        ends = curve.lower, curve.amplitude, curve.upper
+        low, size, high = (float(of[top]) for of in ends)
         numbers |= quantities("Hz", at=float(curve.frequency[top]))
+        inside = curve.stable & (curve.frequency >= band[0]) & (curve.frequency <= band[1])
+        if inside.any() and not band[0] <= curve.frequency[top] <= band[1]:
+            most = int(np.argmax(np.where(inside, curve.amplitude, 0.0)))
+            least, within, largest = (float(of[most]) for of in ends)
+            numbers |= quantities("Hz", inside_at=float(curve.frequency[most]))
+            numbers |= quantities("m", inside=within)
+            numbers |= quantities("m", inside_low=least, inside_high=largest) if least < largest else {}
         if curve.rises_at_end:
             numbers |= quantities("m", reached=size)
         else:

@@ -154,6 +154,9 @@ class Resonance:
         c(X) = 2 zeta m omega_n [N s/m].
     jump
         True where the response jumps across the resonance, so that the point is extrapolated from one side.
+    reached
+        False where the largest point of the run is at an end of its band, or is the first after a jump: k(X)
+        and c(X) hold there, and the run has no resonance.
     """
 
     level: float
@@ -164,6 +167,7 @@ class Resonance:
     stiffness: float
     damping: float
     jump: bool = False
+    reached: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

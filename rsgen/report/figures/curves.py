@@ -127,7 +127,8 @@ def draw_collapse(
 
     grid = equivalent.amplitudes_tested(identification)
     model, *halves = equivalent.refined_band(identification, grid)
-    read = sorted(identification.resonances, key=lambda point: point.amplitude)
+    reached = [point for point in identification.resonances if point.reached]
+    read = sorted(reached, key=lambda point: point.amplitude)
     names = ("amplitude", "frequency", "stiffness", "damping")
     amplitude, frequency, *values = (np.array([getattr(one, name) for one in read]) for name in names)
     omega = 2 * np.pi * curve.frequency

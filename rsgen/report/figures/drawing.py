@@ -329,9 +329,14 @@ def _alternative(surface: ResponseSurface) -> str:
         level = quantity_text(surface.level[peaks[0]], surface.level_unit)
         return f"{tested}, {band}. The {extreme} is {low}, level {level}. {unsettled}"
     shift = surface.frequency[peaks[-1]] / surface.frequency[peaks[0]] - 1
+    course = f"it moves by {100 * shift:+.2f} %"
+    of_level = (surface.frequency[surface.level == surface.level[i]] for i in (peaks[0], peaks[-1]))
+    places = zip(surface.frequency[[peaks[0], peaks[-1]]], of_level, strict=True)
+    if any(place in (run.min(), run.max()) for place, run in places if len(run) > 2):
+        course = "at the edge of the band, where the resonance lies or beyond which it lies"
     return (
         f"{tested} from {least} to {most}, {band}. The {extreme} rises from {low} (lowest level) to {high} "
-        f"(highest level): it moves by {100 * shift:+.2f} %. {unsettled}"
+        f"(highest level): {course}. {unsettled}"
     )
 
 
