@@ -94,7 +94,7 @@ is ``MISFIT_DOUBTFUL_WITH_PATTERN``, without one ``MISFIT_DOUBTFUL_WITHOUT_PATTE
 
 MISFIT_DOUBTFUL_WITH_PATTERN = RELATIVE_CHANGE_NEGLIGIBLE
 """A misfit with a pattern may move values by as much as its size. Of a joint between two sensors the limit
-is lower where its motion is small (``_limits_of_joints`` of ``misfit``)."""
+is lower where its motion is small (``misfit_of_joint`` of ``fitting/across``)."""
 
 MISFIT_DOUBTFUL_WITHOUT_PATTERN = RELATIVE_ERROR_DOUBTFUL
 """A misfit that is noise is in the intervals: it is doubtful as an error of a tenth is."""

@@ -5,8 +5,9 @@
 Newton's method: the tangent of step d is m d'' + (dn/dv) d' + (dn/dx) d. With thousands of lines it would be
 a dense matrix, which is never made: its product with d is one of waveforms (FFT), and GMRES (Y. Saad and
 M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856) solves with such products, preconditioned by the same
-tangent in central differences, whose sparse factors cost no more than some transforms. Newton's method starts
-from the motion of the slopes at rest; where that is too far, the force grows to the whole in steps.
+tangent in central differences, whose sparse factors cost no more than some transforms. From a start that is
+given Newton's method is tried once. Without one it starts from the motion of the slopes at rest; where that
+is too far, the force grows to the whole in steps. A law with a negative stiffness at rest needs a start.
 """
 
 from __future__ import annotations
@@ -150,8 +151,8 @@ def periodic_response(
     force
         (H+1,) complex lines [N], the mean first; as many lines of the motion are computed.
     start
-        (H+1,) a motion near it [m]; None: the motion of the law's slopes at rest, or one under a smaller
-        force.
+        (H+1,) a motion near it [m], from which alone the method starts; None: the motion of the law's slopes
+        at rest, or one under a smaller force; not converged where the stiffness at rest is negative.
     far
         (H+1,) the motion across two sensors less the share of the response in it [m], if some elements follow
         it; with a ``start``.

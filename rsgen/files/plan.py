@@ -300,6 +300,10 @@ class MeasuredTest(PlannedTest):
             for _, channel in self.terms(name) if name != "level" else ():
                 if channel.columns and (channel.samples is None) != (self.history is None):
                     yield name, needed
+        yield from self._faults_of_units()
+
+    def _faults_of_units(self) -> Iterator[tuple[str, str]]:
+        """Find units and factors by which no number can be converted."""
         own = {name: channel for name, channel in self.made.items() if channel.channels is None}
         named = {f"channels.{name}": channel for name, channel in (self.channels or {}).items()}
         for name, said in (own | named | {"level": self.level}).items():

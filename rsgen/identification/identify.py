@@ -66,8 +66,11 @@ from rsgen.law.element import LawLike
 # All harmonics: by the balance, then by the simulator where only that has all of them.
 
 _HIGHEST_HARMONICS = (BALANCE_HARMONICS, 15, 23)
-"""Highest harmonic of the balance of smooth laws, raised until the last one no longer matters; laws with
-corners take the first, and then the simulator (``_balance``)."""
+"""Highest harmonic of the balance of smooth laws, raised until the last one no longer matters (``_balance``).
+"""
+
+_HARMONICS_OF_CORNERS = BALANCE_HARMONICS
+"""The same where a law has switches or a motion is far from a sine: the simulator adds what is missing."""
 
 _FEW_HARMONICS = 5
 """Of motions near a sine under a smooth law: what they leave out follows from how they decay."""
@@ -150,10 +153,11 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     balance = partial(fit_balance, few, compared=BALANCE_HARMONICS, correct=few is problem)
     needs_simulator = law.rough or points.strong
     corners = needs_simulator or law.switched
-    for order in _HIGHEST_HARMONICS if corners or law.remembers else (_FEW_HARMONICS, *_HIGHEST_HARMONICS):
+    smooth = _HIGHEST_HARMONICS if law.remembers else (_FEW_HARMONICS, *_HIGHEST_HARMONICS)
+    for order in (_HARMONICS_OF_CORNERS,) if corners else smooth:
         refined = balance(parameters, order=order)
         parameters = refined.regression.parameters
-        if corners or _has_all_harmonics(refined, order, len(points)):
+        if _has_all_harmonics(refined, order, len(points)):
             break
     if law.remembers and needs_simulator and refined.regression.sigma > _ACCURACIES[0]:
         # a memory takes the simulator hundreds of cycles to settle: more harmonics first

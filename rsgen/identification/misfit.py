@@ -115,16 +115,12 @@ def misfit_findings(
     misfit = fit.regression.rms_misfit
     size = _of_systematic_columns(fit) if surface.decays else misfit
     # above a hundredth intervals are too narrow, of a joint from its noise on
-    severity = severity_of(
-        size, min([MISFIT_DOUBTFUL_WITH_PATTERN, *_limits_of_joints(fit)]), MISFIT_REJECTED
-    )
+    severity = severity_of(size, min(MISFIT_DOUBTFUL_WITH_PATTERN, _limit_of_joints(fit)), MISFIT_REJECTED)
     rejected = severity == "error"
     left_by_term, left_by_cause, names = _cause(
         fit, points, others, only_terms=rejected, decays=surface.decays
     )
     numbers = quantities(misfit=misfit)
-    if names.get("term") in _LIKE_EVEN and not records_even(fit.problem) and _is_symmetric(fit.problem):
-        names["even"] = "k2*x**2"
     if names:
         numbers |= quantities(left=left_by_cause)
         # gains of the levels are no other law: they are as doubtful as the misfit is large
@@ -156,10 +152,10 @@ def misfit_findings(
     return found
 
 
-def _limits_of_joints(fit: Fit) -> list[float]:
-    """Return the misfit from which on the law across each pair of sensors is doubtful."""
-    points = fit.problem.observed.points
-    return [misfit_of_joint(points, part.sensors) for part in fit.problem.law.parts[1:]]
+def _limit_of_joints(fit: Fit) -> float:
+    """Return the misfit from which on a law across two sensors is doubtful; infinite without one."""
+    points, across = fit.problem.observed.points, fit.problem.law.parts[1:]
+    return min((misfit_of_joint(points, part.sensors) for part in across), default=inf)
 
 
 def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:
@@ -215,6 +211,8 @@ def _cause(
         factors = inf if decays else force_factors_leave(fit)
         names = {"free": "curves"} if curves < factors else {"levels": "force"}
         left_by_cause = min(curves, factors) * misfit
+    if names.get("term") in _LIKE_EVEN and not records_even(problem) and _is_symmetric(problem):
+        names["even"] = "k2*x**2"
     return left_by_term, left_by_cause, names if left_by_cause < enough else {}
 
 

@@ -6,6 +6,18 @@ Sums and products are decomposed completely. Inside other functions (exp, log, n
 denominators) a decomposition would give differences of huge or undefined numbers: exp(-abs(v)/w) would be
 exp(v/w) plus a step times (exp(-v/w) - exp(v/w)). There Abs(g) and Heaviside(s) of one switch stay, and a
 term is smooth between the switches.
+
+Thresholds of a step H(s), s without switches: s is split into factors, numerator and denominator alike, and
+polynomials in x and v of moderate degree are factored further (``_factors``). Only factors of odd order
+change the sign. One that is linear in x or v alone has its root for a threshold, one that is quadratic its
+two roots, which are merged where they are not real (``_quadratic``). All others that change it, as cubics and
+functions of both x and v, keep their function as the place of the step (``_other``). A distance with an
+offset, a abs(g) + c, has two thresholds (``_step_of_distance``); any other s with switches is asked with each
+of them on and off (``_step_by_cases``).
+
+A Piecewise is the sum of its branches, each where its condition holds and none before it does; together they
+must hold everywhere, so that the last condition is mostly True. A relation a < b is the step H(b - a), and
+a <= b is the same one; equality, which holds at single moments, is false.
 """
 
 from __future__ import annotations

@@ -169,32 +169,25 @@ def estimate_table(identification: Identification) -> Table:
         for estimates in (identification.paper, identification.first_order)
     )
     biases = _biases(identification)
-    table = _tabulated(
-        f"All estimates in SI units. {_KINDS_OF_INTERVAL}",
-        identification.refined,
-        {
-            "Parameter": lambda one: one.name,
-            "Unit": lambda one: unit_text(one.unit) or "–",
-            "Per level": lambda one: _estimate_cell(paper.get(one.name), ""),
-            "First order": lambda one: _estimate_cell(first.get(one.name), "", interval=True),
-            "Its predicted bias": lambda one: _number_or_dash(biases.get(one.name, math.nan), 2),
-            "Refined": lambda one: _estimate_cell(one, "", interval=True),
-            "Standard error": lambda one: number_text(one.standard_error, 2),
-        },
-    )
-    fixed = tuple(
-        (
-            one.name,
-            unit_text(one.unit) or "–",
-            "–",
-            "–",
-            "–",
-            Cell(quantity_text(one.value, "", 6), "fixed"),
-            "–",
-        )
-        for one in identification.fixed
-    )
-    return replace(table, rows=(*table.rows, *fixed))
+    columns: dict[str, _Says] = {
+        "Parameter": lambda one: one.name,
+        "Unit": lambda one: unit_text(one.unit) or "–",
+        "Per level": lambda one: _estimate_cell(paper.get(one.name), ""),
+        "First order": lambda one: _estimate_cell(first.get(one.name), "", interval=True),
+        "Its predicted bias": lambda one: _number_or_dash(biases.get(one.name, math.nan), 2),
+        "Refined": lambda one: _estimate_cell(one, "", interval=True),
+        "Standard error": lambda one: number_text(one.standard_error, 2),
+    }
+    given: dict[str, _Says] = {
+        "Parameter": columns["Parameter"],
+        "Unit": columns["Unit"],
+        "Refined": lambda one: Cell(quantity_text(one.value, "", 6), "fixed"),
+    }
+    of_fixed = {head: given.get(head, lambda one: "–") for head in columns}
+    caption = f"All estimates in SI units. {_KINDS_OF_INTERVAL}"
+    table = _tabulated(caption, identification.refined, columns)
+    fixed = _tabulated(caption, identification.fixed, of_fixed)
+    return replace(table, rows=(*table.rows, *fixed.rows))
 
 
 def _biases(identification: Identification) -> dict[str, float]:

@@ -19,7 +19,7 @@ from tests.attacks import readers
 from tests.attacks.child import allowed
 from tests.attacks.damage import DAMAGE
 from tests.attacks.good_files import ENDINGS, good, table_plan
-from tests.attacks.traps import npy_padded
+from tests.attacks.traps import TRAPS, npy_padded
 
 SECONDS = 2.0
 """Work allowed for these small files, on a busy machine."""
@@ -36,6 +36,7 @@ def refusal(act: Callable[[], object]) -> str:
 
 def test_every_format_is_attacked():
     assert {"csv", *FORMATS} <= {*ENDINGS, *(row.name for row in FORMATS.values() if row.package)}
+    assert set(ENDINGS) <= set(TRAPS)
 
 
 @pytest.mark.slow

@@ -305,7 +305,7 @@ def test_more_terms_never_miss_by_more(along: tuple[Points, PointBalance, Candid
 
 
 @pytest.mark.parametrize("friction", [0.2, -0.2])
-def test_a_candidate_whose_friction_feeds_energy_is_not_fitted(along, friction) -> None:
+def test_a_candidate_whose_friction_feeds_energy_is_fitted_and_refused(along, friction) -> None:
     _, rows, candidate = along
     damper = make_element("friction", "Ff*sign(v)")
     force, _ = rows.of_law(compile_law(damper.force), np.array([friction]))

@@ -31,6 +31,10 @@ _MIN_RATIO_TO_BEST = 0.995
 """Correlation at the period over the best at any lag: multiples of the period correlate as well."""
 _MIN_PERIODS = 2
 """Of a record: their difference shows the noise of each."""
+_MAX_RATIO_OF_SETTLED = NOISE_RATIO_BY_CHANCE
+"""Of the distance of a settled period from the mean of the second half, over the typical one."""
+_MIN_FALL_OF_TRANSIENT = NOISE_RATIO_BY_CHANCE
+"""Of the distance from the settled periods, from the first half of a transient to its second."""
 _MIN_DIFFERENCE_OF_COPY = 1e-4
 """One minus the correlation of the lines of force and response; less is one signal, without a mode."""
 
@@ -293,7 +297,7 @@ def _transient(record: TimeHistory, response: ComplexArray, periods: int | None)
             f"{record.label}: the response does not repeat: its periods differ by {typical / size:.0%} of "
             f"it. Record more periods, until it has settled, or drive it at a lower level. {_INSTEAD}"
         )
-    limit = NOISE_RATIO_BY_CHANCE * typical + ROUND_OFF * size
+    limit = _MAX_RATIO_OF_SETTLED * typical + ROUND_OFF * size
     left = int(np.flatnonzero(away <= limit)[0])
     clear = away[0] > NOISE_LIMIT_SIGMAS * typical + ROUND_OFF * size
     return 0 if clear and not _decays(record, len(record) // count, left) else left
@@ -311,4 +315,4 @@ def _decays(record: TimeHistory, length: int, left: int) -> bool:
     early, late = np.array_split(signal[: left * length] - steady, 2)
     own = [float(np.linalg.norm(part)) for part in np.array_split(steady - settled.mean(), 2)]
     falls = float(np.linalg.norm(early)) / max(float(np.linalg.norm(late)), 1e-300)
-    return falls * max(1.0, own[1] / max(own[0], 1e-300)) > NOISE_RATIO_BY_CHANCE
+    return falls * max(1.0, own[1] / max(own[0], 1e-300)) > _MIN_FALL_OF_TRANSIENT

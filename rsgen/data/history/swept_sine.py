@@ -54,6 +54,11 @@ _WIDE_WINDOW = 1.5
 """Length of a second window over the first; the difference shows how far the first flattens a peak."""
 _MAX_FLATTENING = 0.02
 """Relative difference of the acceleration between the two windows of a point that is used."""
+_MAX_DIFFERENCE_OF_FORCES = RELATIVE_ERROR_DOUBTFUL
+"""Relative difference of the force between the two windows of a point that is used: more is noise."""
+_MAX_BLUR = RELATIVE_ERROR_DOUBTFUL
+"""Inertia by the difference of the acceleration between the two windows, relative to the force, of a point
+that is used."""
 _MAX_CORRECTION = 1.0
 """Correction over the measured and the corrected force; a larger one is mainly a free motion."""
 _MAX_MISFIT_ONE_MODE = 0.15
@@ -295,7 +300,7 @@ def _by_windows(force: ComplexArray, motion: Kinematics, flattened: Array, uncle
     moves = np.isfinite(flattened) & np.isfinite(motion.displacement)
     faults = {
         Outcome.DROPPED_OUT: ~(loud & moves),
-        Outcome.FORCE_IN_NOISE: ~(unclear < RELATIVE_ERROR_DOUBTFUL),
+        Outcome.FORCE_IN_NOISE: ~(unclear < _MAX_DIFFERENCE_OF_FORCES),
         Outcome.SWEPT_TOO_FAST: flattened >= _MAX_FLATTENING,
     }
     return np.select(list(faults.values()), list(faults), Outcome.SETTLED)
@@ -307,7 +312,7 @@ def _by_correction(
     """Return the ``Outcome`` (n,) of points by the correction of their force to ``steady`` (n,) [N], too."""
     force, flattened = (np.concatenate([getattr(p, name) for p in parts]) for name in ("force", "flattened"))
     size = np.maximum(np.abs(force), np.abs(steady))
-    blurred = ~(np.abs(mass.value * flattened * motion.acceleration) < RELATIVE_ERROR_DOUBTFUL * size)
+    blurred = ~(np.abs(mass.value * flattened * motion.acceleration) < _MAX_BLUR * size)
     outcome = np.where((outcome == Outcome.SETTLED) & blurred, Outcome.SWEPT_TOO_FAST, outcome)
     correction, good = np.abs(steady - force) / np.where(size > 0, size, 1.0), outcome == Outcome.SETTLED
     free = correction >= np.minimum(mass.good_to, most_by_pace(parts, correction, steady, good))

@@ -412,7 +412,22 @@ def _write_signals(
         _write_base(draft, base)
     elif force is not None:
         draft.tables["test.force"] = _force(draft, force)
-    elif not history:
+    else:
+        _ask_force(draft, responses, free)
+    if responses:
+        columns = [*(column for sensor in free for _, column in sensor.places), *loose]
+        if rest := [clues.called(column) for column in columns if column.unit not in (*HERTZ, *SECONDS)]:
+            left_out = [*left_out, f"left out: {listed(rest)}"]
+        _write_responses(draft, responses, left_out)
+    else:
+        columns = [column for sensor in free for _, column in sensor.places]
+        _ask_response(draft, columns, "samples" if history else "amplitude")
+    return bool(force or base)
+
+
+def _ask_force(draft: _Draft, responses: Sequence[Sensor], free: Sequence[Sensor]) -> None:
+    """Write what stands for a force that no column names, or ask where it is."""
+    if "test.time" not in draft.tables:
         draft.tables["test.force"] = {"nominal": True}
         draft.doubts["test.force.nominal"] = "no force is named, so the level stands for it"
         if responses and clues.BASE(responses[0].main):
@@ -427,15 +442,6 @@ def _write_signals(
         draft.doubts["test.force.samples"] = (
             f"{clues.TODO}write the path of the force; a ring-down needs none"
         )
-    if responses:
-        columns = [*(column for sensor in free for _, column in sensor.places), *loose]
-        if rest := [clues.called(column) for column in columns if column.unit not in (*HERTZ, *SECONDS)]:
-            left_out = [*left_out, f"left out: {listed(rest)}"]
-        _write_responses(draft, responses, left_out)
-    else:
-        columns = [column for sensor in free for _, column in sensor.places]
-        _ask_response(draft, columns, "samples" if history else "amplitude")
-    return bool(force or base)
 
 
 def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:

@@ -12,7 +12,8 @@ Gauss-Newton steps eliminate each n_j before they solve for p: a test has many p
 ``fit_balance``:
 
 1. Plain differences, which converge from far; outliers are excluded. Without phases logarithms are taken from
-   the first step. From a fit that is ``near`` one step is enough.
+   the first step. One step is enough from a fit that is ``near``, but only where its misfit is noise and the
+   law has neither jump nor corner, since step 4 follows; else all steps are taken.
 2. Across two sensors, where the misfit has a pattern: again, with sensors whose errors are correlated.
 3. A law with switches, at first order or in nearly exact data: again, with more samples a period.
 4. A misfit above that of exact data (``MISFIT_OF_NOISE``) and a law without jump or corner: again, beginning
@@ -286,7 +287,7 @@ def fit_balance(
         Whether the bias of the square of the noise is removed: not from a misfit that is no noise.
     near
         Misfit of the fit to some of these points that gave the parameters; of others zero. Where it is noise,
-        one step by plain differences leads near enough to compare by logarithms.
+        and the law not rough, one step by plain differences leads near enough to compare by logarithms.
     """
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])
@@ -303,9 +304,7 @@ def fit_balance(
         shared = True
         forward.share_misfit()
         found = fitted(found.parameters, nuisance, rules)
-    # few samples falsify the first order of a law with switches, and nearly exact data show what they miss
-    coarse = law.switched and steps > 1 and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
-    if coarse and (order == 1 or found.sigma < MISFIT_NEGLIGIBLE):
+    if law.switched and steps > 1 and _shows_samples(found, forward, order):
         forward.samples = SAMPLES_PER_PERIOD_SWITCHED
         more = replace(rules, steps=1 if order == 1 else steps)
         found = fitted(found.parameters, found.nuisance, more)
@@ -320,6 +319,12 @@ def fit_balance(
         # no value is corrected, but ``noise_share``, from which ``noise-across`` follows, is computed
         found = replace(found, noise_share=descent.corrected(found).noise_share)
     return _finish(problem, descent, found, order, shared=shared)
+
+
+def _shows_samples(found: Regression, forward: HarmonicBalance | MeasuredAcross, order: int) -> bool:
+    """Return True where few samples falsify a law with switches: at first order, or in nearly exact data."""
+    few = forward.samples < SAMPLES_PER_PERIOD_SWITCHED
+    return few and (order == 1 or found.sigma < MISFIT_NEGLIGIBLE)
 
 
 def _rules(problem: Problem, mode: Points, **control: Any) -> Rules:

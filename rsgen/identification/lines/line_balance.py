@@ -17,13 +17,22 @@ motion enters N nonlinearly, so three quantities are estimated from the P single
 * the covariance of the slopes de_h/dp with e_h, which biases plain least squares (errors in variables:
   Fuller, Measurement Error Models, Wiley 1987).
 
-Lines at which noise hides the response, and lines above the record, are computed from the law by fixed-point
-iteration, and so is the mean of a motion whose sensor has none (``_balance_mean``). High lines that are near
-the resonance keep the noisy record: there the iteration diverges. It goes from X_h to
-X_h + (F_h - m s^2 X_h - N_h)/(m s^2 + c s + k) with s = i h omega0 and the mean slopes k, c of the law. Noise
-then reaches neither the velocity nor, where displacements are accelerations over omega^2, the lowest lines,
-and a law with corners and jumps gets a motion with all its lines. The balance that remains at a computed line
-is the inertia of the difference between the record and the motion of the law.
+Lines that the record does not give are computed from the law by fixed-point iteration (``_solve_lines``):
+
+    X_h  ->  X_h + (F_h - m s^2 X_h - N_h)/(m s^2 + c s + k),    s = i h omega0,    k, c the mean slopes.
+
+Computed are lines below the lowest and above the highest one at which noise does not hide the response,
+those above the record included. Of the high ones only those whose inertia m |s|^2 is more than three times
+the largest stiffness of the law: nearer to the resonance the iteration diverges, and they keep the record,
+or are zero above it. With a motion across two sensors no low line is computed (``select_lines``).
+
+* It stops where all lines change by less than ``HARMONIC_TRUNCATION`` of the record, at a change that is not
+  smaller than the last one (and is not made), or after ``MAX_TRIAL_STEPS``.
+* Noise reaches neither the velocity nor, where displacements are accelerations over omega^2, the lowest
+  lines, and a law with corners and jumps gets a motion with all its lines.
+* The balance that remains at a computed line is the inertia of the difference between the record and the
+  motion of the law.
+* The mean of a motion whose sensor has none is computed from the law by Newton's method (``_balance_mean``).
 """
 
 from __future__ import annotations

@@ -419,8 +419,10 @@ def whiten_balance(
     noise
         (H+1,) relative noise of mean, fundamental (and force) and harmonics, that of complex numbers.
     balanced
-        True if the motion is one of this very law: its own force along the waveform then stands in place of
-        the measured one, so that the error by a truncated waveform at jumps and corners cancels.
+        True if the motion is one of this very law. Its force along the waveform, with the inertia, then
+        stands in place of the force of the motion, so that the error by a truncated waveform at jumps and
+        corners cancels. False along the measured motion, whose ``noise`` is one: what is known of the
+        background is then put into parts of force and response as well, by an assumed noise.
     sensors
         Between which the motion has a second one.
     """

@@ -6,6 +6,7 @@ candidates would take minutes; so all are compared along one reference motion, t
 where each candidate is a linear least squares. If another law becomes the best, its motion is the next
 reference, until the best law is the one whose motion is the reference. A candidate's misfit is then that of
 maximum likelihood to second order in its distance from the best law, which is enough to order near ones.
+The docstring of the package lists why a law is not tried, dropped or refused.
 """
 
 from __future__ import annotations

@@ -15,10 +15,16 @@ the term is another law (a gap that is never reached). In this order (``search_n
    parameter. A law with memory has more starts, which descend on few points first.
 4. Of solutions that fit equally one whose linear columns depend on each other more than those of the best (a
    null space with one more dimension, at least), such as a gap that is not reached: it shows what the test
-   does not determine. Candidates are asked in the order of their negative signs, fewest first, and then of
-   their largest value; the first that fits is taken (``least_determined``).
-5. Of these one with positive values, of which none is more than ten times the motion (``near_the_motion``),
-   and the groups times their factors.
+   does not determine. Candidates are the trials of step 2 that fit equally on their few points, and the best
+   with one parameter at an end of its window, where its switch hardly acts (``_inactive_switch_trials``).
+   They are asked in the order of their negative signs, fewest first, and then of their largest value; the
+   first that fits is taken (``least_determined``).
+5. Negative signs of it are turned one by one, where that fits equally (``with_signs_turned``).
+6. Values of more than ten times the motion become ten times it, where that fits equally
+   (``near_the_motion``).
+7. If one is still negative: the first equal end of descents from the best trials of which all values are
+   positive. This end is not bounded as in step 6.
+8. Groups are multiplied by their factors (``scaled``).
 """
 
 from __future__ import annotations
@@ -89,7 +95,8 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     -------
     Array
         (count,) values in the order of ``law.nonlinear``. Of equal solutions one whose switches do not act,
-        because its null space shows what the test does not determine; else one with positive values.
+        because its null space shows what the test does not determine, and with positive values where one fits
+        as well.
     """
     search = _Search(equations, law, mass)
     if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
