@@ -444,8 +444,6 @@ def whiten_balance(
         right[part] = (root @ unweighted[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
         project[part] = root[:, motion.known] @ series.project.T
-    # rows of a motion that no law fits yet are in parts of force and response, not in units of their noise:
-    # what is known of the background is put into the same parts, by the noise that is assumed
     weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
     return PointBalance(
         trajectories,
