@@ -40,12 +40,12 @@ def law_of(number: int, seed: int) -> tuple[str, str, tuple[str, ...]]:
     return name, text, ()
 
 
-def answer(text: str, memory: Sequence[str] = (), *, json: bool = False) -> str:
+def answer(text: str, memory: Sequence[str] = ()) -> str:
     """Derive a text as ``rsgen derive`` does, and find the units of its parameters."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            derive_command(text, [*memory], json=json)
+            derive_command(text, [*memory])
             parameter_units(make_element("law", text, read_memory(memory)).force)
         except RsgenError as fault:
             sentence = str(fault)
@@ -61,7 +61,7 @@ def answer(text: str, memory: Sequence[str] = (), *, json: bool = False) -> str:
 def attack(number: int, seed: int) -> Outcome:
     name, text, memory = law_of(number, seed)
     # words and JSON in turn: what both share takes nearly all of the time
-    outcome = measured(number, name, lambda: answer(text, memory, json=bool(number % 2)))
+    outcome = measured(number, name, lambda: answer(text, memory))
     return judged(outcome, SECONDS, MEGABYTES)
 
 
