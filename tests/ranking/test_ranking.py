@@ -590,8 +590,47 @@ def test_a_term_that_its_identification_does_not_tell_from_zero_is_not_first() -
     law = "k*x + c*v + kn*x**3"
     ranking = rank(changed(table, harmonics=harmonics, force=force), [law, f"{law} + Ff*sign(v)"])
     assert [candidate.parameters for candidate in ranking] == [4, 5]
-    assert [candidate.tied for candidate in ranking] == [True, True]
+    # its parameter counts all the same
+    rows = 2 * table.harmonics.size - len(table)
+    assert ranking.candidates[1].bic == pytest.approx(np.log(rows), rel=0.1)
     assert ranking.verdict.state == ranking.best.verdict.state == "identified"
+
+
+@cache
+def _rubbing() -> ResponseSurface:
+    """Two harmonics of a cubic spring with Coulomb friction, over small and large motions."""
+    oscillator = rsgen.Oscillator(
+        1.45, "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2.6e4, "k3": 3e8, "c": 6.0, "Ff": 0.6}
+    )
+    plan = rsgen.SimulatedTest([2.0, 4.0, 7.0, 11.0], np.linspace(19, 30, 23))
+    table = noisy(rsgen.simulate(oscillator, plan), 1e-3, 1)
+    return changed(table, harmonics=table.harmonics[:, :4] * [np.nan, 1, np.nan, 1])
+
+
+@cache
+def _rubbing_by_bic(*formulas: str) -> dict[str, Candidate]:
+    names = ("cubic-spring", "coulomb", "odd-power-spring", "tanh-friction", "joint-polynomial")
+    ranking = rank(_rubbing(), [*(laws[name] for name in names), *formulas])
+    return {candidate.name: candidate for candidate in ranking}
+
+
+@pytest.mark.parametrize("friction", ["Ff*tanh(v/vs)", "Ff*v/sqrt(v**2 + vs**2)"])
+def test_a_law_of_the_user_does_not_move_the_others(friction: str) -> None:
+    """Nearly dry friction fits by itself; all were compared along its motion, and not the best law's."""
+    alone, more = _rubbing_by_bic(), _rubbing_by_bic(f"k*x + k3*x**3 + c*v + {friction}")
+    assert next(iter(more)) == next(iter(alone)) == "cubic-spring + coulomb"
+    near = [name for name, one in alone.items() if one.bic < 20]
+    assert len(near) == 3
+    for name in near:
+        assert more[name].bic == pytest.approx(alone[name].bic, abs=0.01)
+
+
+def test_steep_friction_without_a_jump_is_nearly_dry_friction() -> None:
+    """Its transition ended at a third of the velocity of the smallest motions; the BIC was 365."""
+    steep = _rubbing_by_bic()["cubic-spring + tanh-friction"]
+    assert steep.values["Ff"] == pytest.approx(0.6, rel=0.01)
+    assert steep.values["vs"] < 2e-3
+    assert steep.bic < 50
 
 
 def test_two_laws_that_a_test_does_not_tell_apart_both_stand_and_doubts_about_the_data_come_first() -> None:

@@ -9,7 +9,7 @@ give.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
@@ -27,6 +27,7 @@ from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.balance import WhitenedBalance
+from rsgen.identification.ranking.library_sums import terms_of
 from rsgen.identification.results.estimates import takes_energy
 from rsgen.law.element import Element, forces_by_motion
 from rsgen.law.numeric import ForceLaw, compile_law
@@ -147,10 +148,29 @@ class CandidateFit:
                 return True
         return False
 
+    @property
+    def cost_of_parameter(self) -> float:
+        """Share of a parameter in the criterion: the logarithm of the number of compared rows."""
+        return float(np.log(self.residual[:, self.compared].size))
+
     def bic(self, noise: float = 1.0) -> float:
         """Return the Bayesian information criterion (Schwarz 1978) for a known mean square of the noise."""
-        penalty = float(np.log(self.residual[:, self.compared].size))
-        return self.chi_squared / noise + len(self.candidate.values) * penalty
+        return self.chi_squared / noise + len(self.candidate.values) * self.cost_of_parameter
+
+
+def lacks(smaller: CandidateFit, larger: CandidateFit, names: Collection[str]) -> bool:
+    """Return True if a law is another one without the term of one of some parameters, or of all of them."""
+    if len(smaller.candidate.values) >= len(larger.candidate.values):
+        return False
+    law = larger.candidate.law
+    linear = [name for i, name in enumerate(law.parameters) if i not in law.nonlinear and name in names]
+    own = {sensors: terms_of(force) for sensors, force in smaller.candidate.forces.items() if force}
+    for gone in {(name,) for name in linear} | {tuple(linear)}:
+        zero = {symbol(name): sympy.S.Zero for name in gone}
+        rest = {sensors: force.xreplace(zero) for sensors, force in larger.candidate.forces.items()}
+        if own == {sensors: terms_of(force) for sensors, force in rest.items() if force}:
+            return True
+    return False
 
 
 class _Balance:

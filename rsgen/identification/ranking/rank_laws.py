@@ -11,13 +11,12 @@ The docstring of the package lists why a law is not tried, dropped or refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf, nan
 
 import numpy as np
-import sympy
 
 from rsgen.common.errors import RsgenError, known_arguments, require
 from rsgen.common.finding import Finding
@@ -31,7 +30,6 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
-from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
 from rsgen.identification.identify import checked, identify, identify_points
@@ -43,8 +41,9 @@ from rsgen.identification.ranking.candidate_fit import (
     CandidateLaw,
     RankedTest,
     Round,
+    lacks,
 )
-from rsgen.identification.ranking.library_sums import Term, terms_of, whole_name
+from rsgen.identification.ranking.library_sums import Term, whole_name
 from rsgen.identification.ranking.ranking_result import (
     OWN,
     Candidate,
@@ -209,8 +208,9 @@ def _all_rounds(
     because the reference motion of a hysteretic law would bias them; hysteretic ones join in the last stage.
     A mean that was not recorded would bias the others, too, of a law that is not odd: without mean and even
     harmonics stages of odd laws precede, and where one ends with a law that fits, all laws without memory are
-    compared once, along its motion. A stage is passed over whose best law leaves more along the measured
-    motion than a right one does, but for the last.
+    compared once, along its motion; not along that of a single law that a sum of odd ones outdoes, which the
+    stage of these sums settles. A stage is passed over whose best law leaves more along the measured motion
+    than a right one does, but for the last.
     """
     plain = tuple(term for term in terms if not term.remembers)
     without_memory, last = _Stage(given, plain, terms_in_sum), _Stage(given, terms, terms_in_sum)
@@ -240,12 +240,23 @@ def _all_rounds(
         best = _best_round(rounds)
         precedes = stage not in (without_memory, last)
         if precedes and not best.round.misfit(best.found[0]).unexplained:
-            return [_compare(best.round, without_memory.entries(test), best.found)]
+            whole = _compare(best.round, without_memory.entries(test), best.found)
+            if stage != stages[0] or not _outdone(whole):
+                return [whole]
+            # the laws that it would add are not odd, either
+            tried.add(stages[1])
+            continue
         if best.systematic_misfit <= MISFIT_NEGLIGIBLE:
             break
     if fault is not None and not rounds:
         raise fault
     return rounds
+
+
+def _outdone(one: _Compared) -> bool:
+    """Return True if there is strong evidence for another odd law than that of the motion."""
+    least = min((fit.bic() for fit in one.found if fit.candidate.law.odd), default=inf)
+    return one.round.leader.bic() - least > STRONG_EVIDENCE
 
 
 def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) -> list[_Compared]:
@@ -382,20 +393,27 @@ def _ranking(
         together = test.first.odd_alone and best.candidate.law.even
         undetermined = [one.name for one in found if one.finding is not None and not together]
         before = bic[number]
-        less = min(
-            (bic[i] for i, fit in enumerate(candidates) if bic[i] < inf and _lacks(fit, best, undetermined)),
-            default=before,
+        # the BIC of a law that leaves what the best one leaves without these terms, and its parameters
+        less, few = min(
+            (
+                (bic[i], count[i])
+                for i, fit in enumerate(candidates)
+                if bic[i] < inf and lacks(fit, best, undetermined)
+            ),
+            default=(before, count[number]),
         )
         left = _misfit_of_rows(found, current)
         if left > NOISE_RATIO_BY_CHANCE * max(along, MISFIT_NEGLIGIBLE):
             # along its own motion the law fits worse than along that of the ranking
-            less = max(less, before + (np.square(left / along) - 1.0) * best.chi_squared)
+            alone = before + float(np.square(left / along) - 1.0) * best.chi_squared
+            less, few = max((less, few), (alone, count[number]))
         if less <= before or len(identified) > _LEADERS:
             break
-        # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain
+        # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain,
+        # but parameters all the same
         for i, fit in enumerate(candidates):
-            if fit is best or (before - bic[i] < STRONG_EVIDENCE and _lacks(best, fit, fit.candidate.values)):
-                bic[i] = max(bic[i], less)
+            if fit is best or (before - bic[i] < STRONG_EVIDENCE and lacks(best, fit, fit.candidate.values)):
+                bic[i] = max(bic[i], less + (count[i] - few) * fit.cost_of_parameter)
     if many is not None and found is not None:
         try:
             found = identify(many, model)
@@ -552,24 +570,9 @@ def _compare_along_own(
             bic[i], candidates[i] = min(ends), fits[int(np.argmin(ends))]
         if i in alone and settled:
             # what lacks a term leaves no less
-            small = (j for j in alone if _lacks(candidates[j], fit, fit.candidate.values))
+            small = (j for j in alone if lacks(candidates[j], fit, fit.candidate.values))
             lost |= {j for j in small if replace(fit, candidate=laws[j]).bic() > least + STRONG_EVIDENCE}
     return bic
-
-
-def _lacks(smaller: CandidateFit, larger: CandidateFit, names: Collection[str]) -> bool:
-    """Return True if a law is another one without the term of one of some parameters, or of all of them."""
-    if len(smaller.candidate.values) >= len(larger.candidate.values):
-        return False
-    law = larger.candidate.law
-    linear = [name for i, name in enumerate(law.parameters) if i not in law.nonlinear and name in names]
-    own = {sensors: terms_of(force) for sensors, force in smaller.candidate.forces.items() if force}
-    for gone in {(name,) for name in linear} | {tuple(linear)}:
-        zero = {symbol(name): sympy.S.Zero for name in gone}
-        rest = {sensors: force.xreplace(zero) for sensors, force in larger.candidate.forces.items()}
-        if own == {sensors: terms_of(force) for sensors, force in rest.items() if force}:
-            return True
-    return False
 
 
 def _merge_equal_laws(
