@@ -408,7 +408,7 @@ def other_mass(table: ModalTable, law: Iterable[Estimate]) -> list[Finding]:
         if max(one.interval[0] - table.mass, table.mass - one.interval[1]) > half:
             numbers = quantities("kg", table=table.mass, law=one.value)
             numbers |= quantities(ratio=table.mass / one.value)
-            return [Finding("modal-mass-differs", "warning", "m", numbers)]
+            return [Finding("results-disagree", "warning", "m", numbers, {"by": "modal table"})]
     return []
 
 

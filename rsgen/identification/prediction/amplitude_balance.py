@@ -26,6 +26,7 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     HELD_OUT_ERROR_SMALL,
     MAX_LINEAR_CHANGE,
+    MAX_TRIAL_STEPS,
     RELATIVE_CHANGE_NEGLIGIBLE,
     ROUND_OFF,
     SAMPLES_PER_PERIOD,
@@ -61,8 +62,8 @@ _BISECTION_POINTS = 25
 """Amplitudes of each of three refinements of an end of a curve."""
 
 _FREQUENCY_TOLERANCE = 1e-7
-_FIXED_POINT_STEPS, _SECANT_STEPS, _MAX_SECANT = 12, 24, 0.2
-"""Steps of a frequency, and the largest relative one by the secant of two."""
+_MAX_SECANT = 0.2
+"""Largest relative step of a frequency by the secant of two."""
 _FORCE_TOLERANCE = 1e-8
 """Relative error of the force at which Newton's method ends."""
 
@@ -163,7 +164,7 @@ class AmplitudeBalance:
         omega, (stiffness, middle, last) = np.array(omega), np.full((3, len(size)), np.nan)
         moving, (earlier, missed) = np.arange(len(size)), np.full((2, len(size)), np.nan)
         _, _, harmonics = self.equivalent(size, omega, None)
-        for number in range(_FIXED_POINT_STEPS + _SECANT_STEPS):
+        for number in range(3 * MAX_TRIAL_STEPS):
             stiff, damping, start = self.equivalent(size[moving], omega[moving], harmonics[moving])
             harmonics[moving] = start
             stiffness[moving] = stiff
@@ -172,7 +173,7 @@ class AmplitudeBalance:
             new = np.sqrt(np.where(last[moving] > 0, last[moving], np.nan))
             far = np.abs(new / omega[moving] - 1) >= _FREQUENCY_TOLERANCE
             here, miss = omega[moving], new - omega[moving]
-            if number > _FIXED_POINT_STEPS:
+            if number > MAX_TRIAL_STEPS:
                 # slow, or from side to side, where a superharmonic resonance is near
                 slope = (miss - missed[moving]) / (here - earlier[moving])
                 new = np.where(np.abs(miss) < _MAX_SECANT * here * np.abs(slope), here - miss / slope, new)
