@@ -12,6 +12,7 @@ import numpy as np
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
+    MIN_MISFIT_REDUCTION,
     MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
@@ -43,10 +44,6 @@ _MASS_MISREAD = 1.5
 _MISFIT_OF_EXCHANGE = 0.03
 """Least misfit of any curves where few speak for an exchange: two sound levels next to a gap left 1.2 %, and
 0.4 % when exchanged; with each other's responses they left 4.4 %."""
-
-_LEFT_BY_EXCHANGE = 0.5
-"""Share of the misfit of any curves that levels leave when exchanged back: files in order, of virtual tests
-with noise of 1 % and without, left 0.96 or more where that misfit was not negligible."""
 
 
 def mode_findings(
@@ -100,7 +97,8 @@ def _swapped(
         by = np.where(level == low, high / low, np.where(level == high, low / high, 1.0))
         left[low, high] = _typical_misfit(*steady(by * force, by * response, omega))[0]
     misfit, (low, high) = left[levels[0], levels[0]], min(left, key=left.__getitem__)
-    if misfit < floor or left[low, high] > _LEFT_BY_EXCHANGE * misfit:
+    # virtual tests in order, with noise of 1 % and without, left 0.96 or more when exchanged
+    if misfit < floor or left[low, high] > (1 - MIN_MISFIT_REDUCTION) * misfit:
         return []
     numbers = quantities("N", low=low, high=high) | quantities(misfit=misfit, then=left[low, high])
     return [Finding("levels-swapped", "doubt", "", numbers)]

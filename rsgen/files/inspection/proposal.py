@@ -116,15 +116,15 @@ def propose(contents: Contents) -> Proposal | None:
     return Proposal(tables | draft.tables, draft.doubts)
 
 
-_MAX_ROWS_OF_TABLE = 5000
-_MAX_COLUMNS_OF_TABLE = 9
-"""Of a matrix without names; larger ones are drafted as histories. Either asks for every column."""
+_LARGEST_TABLE = (9, 5000)
+"""Columns and rows of a matrix without names; larger ones are drafted as histories. Either asks for every
+column."""
 
 
 def _is_table(free: Sequence[Entry]) -> bool:
     """Return True if the only array of a file is a matrix of the size of a table of amplitudes."""
     sides = sorted(side for entry in free[:1] for side in entry.shape if side > 1)
-    table = len(sides) == 2 and sides[0] <= _MAX_COLUMNS_OF_TABLE and sides[1] <= _MAX_ROWS_OF_TABLE
+    table = len(sides) == 2 and all(side <= most for side, most in zip(sides, _LARGEST_TABLE, strict=True))
     return len(free) == 1 and table
 
 
