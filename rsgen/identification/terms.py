@@ -205,7 +205,7 @@ def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, f
         -solution[-1],
     )
     more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / fit.regression.freedom)
-    if not left < min((1 - MIN_MISFIT_REDUCTION) * misfit, more * min(least, *left_by.values())):
+    if not left < min((1 - MIN_MISFIT_REDUCTION) * misfit, more * min([least, *left_by.values()])):
         return None
     numbers = quantities(delay=Quantity(float(delay), "s"), left=left, misfit=misfit)
     if left_by.get("phase", np.inf) < more * left:

@@ -90,7 +90,7 @@ def test_awkward_responses_give_a_result_without_a_warning(table, kind, law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("background", ["none", pytest.param("neighbour+offset", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("background", ["none", "neighbour+offset"])
 def test_one_frequency_gives_a_result_without_a_warning(table, background):
     one = tampered(table, frequency=lambda f: 0 * f + 10.0)
     found = identify(one, CUBIC, Observation(background=background))
