@@ -70,6 +70,7 @@ def test_a_held_out_record_that_is_not_reached_from_rest_is_predicted_near_the_m
     spectra = simulated("cubic", periods=4, noise_relative=1e-3)
     found = rsgen.identify(spectra, LAWS["cubic"][0], rsgen.Observation(hold_out=(8.0,)))
     assert found.held_out[0].error < 0.01
+    assert rsgen.figures.draw_held_out(rsgen.predict(found)).name == "predicted-record"
     assert "no-steady-state" not in {finding.code for finding in found.findings}
 
 

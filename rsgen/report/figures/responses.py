@@ -254,10 +254,13 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     Parameters
     ----------
     prediction
-        Made with a surface and with levels held out, else the figure says that there are none.
+        Made with a surface and with levels held out, else the figure says that there are none; that of a
+        multisine has the figure of ``draw_predicted_record``.
     ax
         Axes, one a level; None makes a figure.
     """
+    if prediction.records:
+        return draw_predicted_record(prediction, ax=ax)
     groups = _group(prediction.held_out)
     count = max(len(groups), 1)
     figure, panels = take_axes(ax, count, (4.4, 1.2 + 1.45 * count), sharex=True)
