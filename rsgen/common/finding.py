@@ -211,14 +211,16 @@ class StatedVerdict(TypedDict):
     next_steps: list[str]
 
 
-MISREAD = frozenset({"levels-swapped", "not-passive", "another-quantity", "base-misread", "channels-delayed"})
-"""What was read as something else: what else is found of such a test may be a consequence."""
+MISREADINGS = frozenset(
+    {"levels-swapped", "not-passive", "another-quantity", "base-misread", "channels-delayed"}
+)
+"""Codes of a signal or level that was read as another one; further findings may follow from it."""
 
 
 def _looked_at_first(stated: StatedVerdict) -> int:
     """Count the reasons up to the last one that was misread; all where none was."""
     codes = [decided["code"] for decided in stated["decided_by"]]
-    return max((place for place, code in enumerate(codes, 1) if code in MISREAD), default=len(codes))
+    return max((place for place, code in enumerate(codes, 1) if code in MISREADINGS), default=len(codes))
 
 
 def reasons_of(stated: StatedVerdict) -> list[str]:

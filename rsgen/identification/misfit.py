@@ -324,7 +324,7 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
     return found
 
 
-_ABSURD_MOVE = 10.0
+_MAX_MOVE = 10.0
 """Times its value by which no first-order step moves a parameter: another law or another test is meant."""
 
 
@@ -358,7 +358,7 @@ def background_findings(
     share = change / found.parameters
     clear = (times > STANDARD_ERRORS_OF_DIFFERENCE) & (np.abs(share) > RELATIVE_CHANGE_NEGLIGIBLE)
     worst = int(np.argmax(np.where(clear, np.abs(share), 0.0)))
-    if not (clear.any() and abs(share[worst]) <= _ABSURD_MOVE):
+    if not (clear.any() and abs(share[worst]) <= _MAX_MOVE):
         return []
     numbers = quantities(misfit=misfit, left=least, moved=share[worst], times=times[worst])
     if kind == "mean":

@@ -200,16 +200,14 @@ def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, f
     columns = np.concatenate([matrix, column[:, :, None] / step], axis=2)
     right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
     solution = solve_scaled(rows, right)[0]
-    left, delay = (
-        misfit * float(np.linalg.norm(right - rows @ solution) / np.linalg.norm(right)),
-        -solution[-1],
-    )
+    left = misfit * float(np.linalg.norm(right - rows @ solution) / np.linalg.norm(right))
+    delay = -float(solution[-1])
     more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / fit.regression.freedom)
     if not left < min((1 - MIN_MISFIT_REDUCTION) * misfit, more * min([least, *left_by.values()])):
         return None
-    numbers = quantities(delay=Quantity(float(delay), "s"), left=left, misfit=misfit)
+    numbers = quantities(delay=Quantity(delay, "s"), left=left, misfit=misfit)
     if left_by.get("phase", np.inf) < more * left:
-        numbers["turn"] = Quantity(-float(delay * np.median(points.omega)), "rad")
+        numbers["turn"] = Quantity(-delay * float(np.median(points.omega)), "rad")
     return Finding("channels-delayed", "doubt", numbers=numbers)
 
 

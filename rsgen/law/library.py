@@ -111,7 +111,7 @@ _BREAKS = tuple(np.geomspace(0.03, 0.96, 12))
 large."""
 _SIDE = Range("x", _BREAKS[::2], (0.02, 0.99))
 _SPEED = Range("v", tuple(np.geomspace(0.01, 1.0, 9)), (0.003, 3.0))
-_STEEP = Range("v", tuple(np.geomspace(0.001, 1.0, 12)), (1e-4, 3.0))
+_SPEED_OF_STEP = Range("v", tuple(np.geomspace(0.001, 1.0, 12)), (1e-4, 3.0))
 """Of friction that becomes dry: steep in the smallest motions of a test, too."""
 _POWER = Range("1", (0.3, 0.6, 1.4, 1.8, 2.2, 2.6, 3.5, 4.0, 6.0, 7.0), (0.1, 9.0))
 _WAVE = Range("1/x", tuple(np.geomspace(0.4, 2.8, 8)), (0.1, 5.0))
@@ -252,7 +252,7 @@ ROWS: dict[str, Row] = {
     "tanh-friction": Row(
         "Friction without a jump", "Ff*tanh(v/vs)", WORDEN,
         (_FRICTION, ("vs", "velocity of the transition, positive", "m/s")),
-        Search(ranges={"vs": _STEEP}, dissipates=(("Ff",),)), own=True,
+        Search(ranges={"vs": _SPEED_OF_STEP}, dissipates=(("Ff",),)), own=True,
     ),
     "stribeck": Row(
         "Coulomb friction with Stribeck effect", "(Fc + (Fs - Fc)*exp(-abs(v)/vs))*sign(v)",

@@ -106,6 +106,8 @@ def _example_levels(test: str | None) -> tuple[str, str]:
         return "7 N", "8 N"
     texts = (Path(file).name.removeprefix(before).partition(after.partition("*")[0])[0] for file in files)
     amounts = sorted({float(text.replace(",", ".").replace("p", ".")) for text in texts})
+    if len(amounts) < 2:
+        return "7 N", "8 N"
     held, most = amounts[-2:]
     return f"{held:g} {unit[0]}", f"{(held + most) / 2:g} {unit[0]}"
 

@@ -128,17 +128,16 @@ def _offset_findings(fit: LineFit) -> list[Finding]:
     if np.any(np.abs(part.mean_force[:, 0]) > MISFIT_NEGLIGIBLE * size):
         # without the mean of the motion that of the force would be lost, too
         return []
-    slopes = fit.balance.slopes[:, :, 0].real
-    error = np.einsum("rp,pq,rq->r", slopes, fit.errors[0].covariance, slopes)
-    error = np.sqrt(error + fit.noise.variance[:, 0])
     row = int(np.argmax(rest / size))
-    if not rest[row] > max(OUTLIER_SIGMAS * error[row], MISFIT_NEGLIGIBLE * size[row]):
+    if not rest[row] > MISFIT_NEGLIGIBLE * size[row]:
         return []
-    force, level = (
-        Quantity(float(rest[row]), part.units.force),
-        Quantity(float(part.level[row]), part.level_unit),
-    )
-    numbers = {"rest": force, "level": level} | quantities(share=rest[row] / size[row])
+    slopes = fit.balance.slopes[row, :, 0].real
+    variance = float(slopes @ fit.errors[0].covariance @ slopes) + fit.noise.variance[row, 0]
+    if not rest[row] > OUTLIER_SIGMAS * np.sqrt(variance):
+        return []
+    level = Quantity(float(part.level[row]), part.level_unit)
+    numbers = {"rest": Quantity(float(rest[row]), part.units.force), "level": level}
+    numbers |= quantities(share=rest[row] / size[row])
     return [Finding("sensor-offset", "warning", numbers=numbers, names={"by": "balance"})]
 
 

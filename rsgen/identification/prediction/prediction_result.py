@@ -31,7 +31,7 @@ SHARE_AT_JUMPS = 0.02
 """Share of the points of a run that may lie between a predicted and a measured jump, so on another branch;
 they are not scored."""
 
-NEUTRAL = 1e-6
+MULTIPLIER_ROUND_OFF = 1e-6
 """Of multipliers outside the unit circle: without damping they lie on it, two equal ones within round-off."""
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
@@ -67,7 +67,7 @@ class ResonanceCurve(Brief):
     multiplier
         (k,) the Floquet multiplier that, with folds, decides on stability: below -1 the period doubles, as
         next to a stop on one side, beyond 1 the motion loses its symmetry. NaN where it is not computed:
-        under friction (jumps), laws with memory and modal tables, and where two motions have one amplitude.
+        under friction (jumps), laws with memory and modal tables.
     """
 
     level: float
@@ -112,7 +112,7 @@ class ResonanceCurve(Brief):
     @property
     def lost(self) -> dict[str, str]:
         """How motions outside folds lose stability, and from where to where; empty where none do."""
-        outside = np.abs(self.multiplier) > 1 + NEUTRAL
+        outside = np.abs(self.multiplier) > 1 + MULTIPLIER_ROUND_OFF
         if not outside.any():
             return {}
         first = self.multiplier[outside][0]

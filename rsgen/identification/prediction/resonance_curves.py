@@ -44,7 +44,7 @@ from rsgen.identification.prediction.amplitude_balance import (
 )
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
-    NEUTRAL,
+    MULTIPLIER_ROUND_OFF,
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
@@ -373,7 +373,7 @@ def _curve(
         frequency=frequency,
         amplitude=amplitude,
         phase=phase,
-        stable=(gain > 0) & ~(np.abs(multiplier) > 1 + NEUTRAL),
+        stable=(gain > 0) & ~(np.abs(multiplier) > 1 + MULTIPLIER_ROUND_OFF),
         extrapolated=(sizes > tested[1] * BEYOND)
         | (sizes < tested[0] / BEYOND)
         | (frequency < known[0])

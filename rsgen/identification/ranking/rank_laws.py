@@ -66,7 +66,7 @@ _MAX_ROUNDS = 5
 _SHARE_OF_STAGES, _SHARE_OF_MOTIONS = 0.5, 0.4
 """Of the time of a ranking: its stages, then laws along their own motions; the identification is the rest."""
 
-_FED = "a damper of it would feed energy into the decay, which another law explains without"
+_FEEDS_ENERGY = "a damper of it would feed energy into the decay, which another law explains without"
 
 
 @dataclass(frozen=True, slots=True)
@@ -423,7 +423,7 @@ def _ranking(
     rows = [
         _row(fit, fixed, own=fit is own, error=error[i], behind=bic[i] - lowest, tied=tied[i])
         if np.isfinite(bic[i])
-        else _row(replace(fit, fault=_FED), fixed, own=fit is own)
+        else _row(replace(fit, fault=_FEEDS_ENERGY), fixed, own=fit is own)
         for i, fit in zip(order, ordered, strict=True)
     ]
     rows += [_row(fit, fixed, own=fit.candidate.name == OWN) for fit in last.faulty]

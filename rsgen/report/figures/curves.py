@@ -92,7 +92,7 @@ def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
 _LEVELS = {"N": "Level F", "m": "Level X"}
 """Name of levels by their unit; those of a base are levels."""
 
-_SHOWN = (MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2, 1 - MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2)
+_QUANTILES_IN_PICTURE = (MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2, 1 - MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2)
 """Quantiles of the points that stand in the picture in any case."""
 
 _Place = tuple[Array, Array]
@@ -152,7 +152,11 @@ def draw_collapse(
         axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
         _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, model.harmonics is None)
         # points that no law explains, as next to a jump, leave the picture
-        ends = np.quantile(cloud[np.isfinite(cloud)], _SHOWN) if np.isfinite(cloud).any() else cloud
+        ends = (
+            np.quantile(cloud[np.isfinite(cloud)], _QUANTILES_IN_PICTURE)
+            if np.isfinite(cloud).any()
+            else cloud
+        )
         drawn = [ends / y.factor, heights / y.factor, line / y.factor]
         if truths is not None:
             course, line = truths[i]
