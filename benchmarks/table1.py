@@ -10,7 +10,7 @@ from rsgen.common.output import write_atomic
 from rsgen.formula.units import quantity_text
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.result_json import Entry, read_results
-from rsgen.report.wording.sentences import MARKED
+from rsgen.report.sentences import MARKED
 
 REPORTS = Path(__file__).parents[1] / "reports"
 

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from rsgen.identification.results import Identification
     from rsgen.law.element import Law, laws, make_element
     from rsgen.report import write_report
-    from rsgen.report.wording.sentences import explain, sentence
+    from rsgen.report.sentences import explain, sentence
 
 __version__: str
 """Of the installed package; it comes from the tag of the commit that was built."""
@@ -87,7 +87,7 @@ _NAMES = {
     "identification.results": ("Identification",),
     "law.element": ("Law", "laws", "make_element"),
     "report": ("write_report",),
-    "report.wording.sentences": ("explain", "sentence"),
+    "report.sentences": ("explain", "sentence"),
 }
 """Names by the package or module that has them."""
 _PLACES = {name: place for place, names in _NAMES.items() for name in names}

@@ -19,7 +19,7 @@ from rsgen.identification.results.result import held_out_lines
 from rsgen.law.element import make_element
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from rsgen.report.figures.responses import draw_held_out, draw_responses
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, model, noisy, surface
 

@@ -15,7 +15,7 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, save_surface, without_copies
 from rsgen.files.surface_file import load_surface
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 from tests.samples import cubic_surface
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from rsgen.common.finding import Finding
-from rsgen.report.wording.sentences import CODES, NEXT_STEPS
+from rsgen.report.sentences import CODES, NEXT_STEPS
 
 from .made_findings import SEVERITIES, Threshold, places_of_findings, texts_of
 

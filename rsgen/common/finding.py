@@ -33,7 +33,7 @@ def severity_of(size: float, doubt: float, error: float) -> Severity:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A fact that a reader of a result should know. Sentences are made from it in ``rsgen.report.wording``.
+    """A fact that a reader of a result should know. Sentences are made from it in ``rsgen.report.sentences``.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Finding:
     def __str__(self) -> str:
         """Severity and sentence; the layer above makes it, and is loaded when one is printed."""
         severity = "note" if self.severity == "info" else self.severity
-        return f"{severity}: {import_module('rsgen.report.wording.sentences').sentence(self)}"
+        return f"{severity}: {import_module('rsgen.report.sentences').sentence(self)}"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the mappings as plain dicts, so that processes can exchange findings."""

@@ -38,13 +38,13 @@ from rsgen.law.memory import FORCE_KEYS, memory_form, with_equations
 from rsgen.law.notation import mathml
 from rsgen.law.numeric import compile_law
 from rsgen.report import page_tables as tables
+from rsgen.report import sentences
 from rsgen.report.figures import Drawing
 from rsgen.report.figures.equivalent import evaluated, share_along, smooth_backbone
 from rsgen.report.page_tables import NO_MODAL, Modal, harmonics_matter
 from rsgen.report.provenance import Subject, page_environment
 from rsgen.report.result_json import Entry, read_results
-from rsgen.report.wording import sentences
-from rsgen.report.wording.sentences import full_sentence, sentence
+from rsgen.report.sentences import full_sentence, sentence
 
 # ----------------------------------------------------------------------------
 # Figures inside a page: SVG that takes its colours from the page and clashes with no other figure.

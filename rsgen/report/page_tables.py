@@ -20,11 +20,10 @@ from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable, other_m
 from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord, score_points
-from rsgen.identification.ranking.ranking_result import ORDER
 from rsgen.identification.results import Estimate, Identification
 from rsgen.identification.results.result import size_of_error
 from rsgen.law.memory import FORCE_KEYS
-from rsgen.report.wording.sentences import error_text, sentence, share_text
+from rsgen.report.sentences import error_text, sentence, share_text
 
 if TYPE_CHECKING:
     from rsgen.data.multisine.linear import BestLinear
@@ -343,9 +342,8 @@ def ranking_table(identification: Identification) -> Table | None:
     if identification.ranking is None:
         return None
     table = identification.ranking.table
-    return Table(
-        f"Candidate laws, best first; {ORDER}", table.heads, tuple(tuple(map(str, row)) for row in table.rows)
-    )
+    caption = "; ".join(("Candidate laws, best first", *table.notes))
+    return Table(caption, table.heads, tuple(tuple(map(str, row)) for row in table.rows))
 
 
 # ----------------------------------------------------------------------------

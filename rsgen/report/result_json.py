@@ -40,7 +40,7 @@ from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.figures import equivalent
 from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import Subject
-from rsgen.report.wording.sentences import read_verdict, sentence, state_verdict
+from rsgen.report.sentences import read_verdict, sentence, state_verdict
 
 if TYPE_CHECKING:
     from rsgen.data.multisine.linear import BestLinear

@@ -10,7 +10,7 @@ from rsgen.app.cli import progress_bar
 from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study.run_case import CaseRun
 from rsgen.common.finding import STATES, Finding, Verdict, reasons_of
-from rsgen.report.wording.sentences import state_verdict
+from rsgen.report.sentences import state_verdict
 
 FORMATS = Path(__file__).parents[2] / "cases" / "formats"
 DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})

@@ -8,7 +8,7 @@ import pytest
 from docs._extension.findings import findings_list
 from docs._extension.made_findings import places_of_findings
 from docs.pages import MAKERS, pages, renewed
-from rsgen.report.wording.sentences import CODES, NEXT_STEPS
+from rsgen.report.sentences import CODES, NEXT_STEPS
 from tests.capabilities import COLUMNS, EXCITATIONS, MODIFIERS, answer, page, stated
 
 SLOW = {

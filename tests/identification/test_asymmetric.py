@@ -12,7 +12,7 @@ from rsgen.formula.names import symbol
 from rsgen.identification.identify import identify
 from rsgen.law.character import mirror_exchanges
 from rsgen.law.element import make_element
-from rsgen.report.wording.sentences import next_step, sentence
+from rsgen.report.sentences import next_step, sentence
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, codes, distances, errors, noisy, without_phase
 

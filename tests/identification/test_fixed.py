@@ -16,7 +16,7 @@ from rsgen.identification.fitting import least_squares
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
-from rsgen.report.wording.sentences import in_order, next_step, state_verdict
+from rsgen.report.sentences import in_order, next_step, state_verdict
 from tests.case_files import Literal, write_small
 from tests.case_files import law as case_law
 from tests.surfaces import LAWS, MASS, beside, codes, noisy, surface

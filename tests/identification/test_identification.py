@@ -14,7 +14,7 @@ from rsgen.identification.fitting.points import select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.resonance import find_resonances
 from rsgen.law.element import make_element
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 from tests.surfaces import (
     LAWS,
     changed,

@@ -10,7 +10,7 @@ import pytest
 import rsgen as rs
 from rsgen.identification.misfit import background_findings
 from rsgen.identification.results.alternatives import Alternative, Alternatives
-from rsgen.report.wording.sentences import next_step, sentence
+from rsgen.report.sentences import next_step, sentence
 
 LAW = "k*x + c*v + k3*x**3 + cq*v*abs(v)"
 TRUE = {"k": 5920.0, "c": 2.0, "k3": 2.0e5, "cq": 1.2}

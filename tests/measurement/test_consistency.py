@@ -11,7 +11,7 @@ from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.files_to_surface import passivity_findings, read_measurement
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest, SweepRule
 from rsgen.files.signals import Channel
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)

@@ -18,7 +18,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.files.surface_file import load_surface
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)

@@ -17,7 +17,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.histories import read_histories
 from rsgen.files.plan import HistoryRule, Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"

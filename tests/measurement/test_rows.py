@@ -16,7 +16,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.files.text_columns import read_columns
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 
 
 def read(path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any):

@@ -36,7 +36,7 @@ from rsgen.law.element import laws, make_element
 from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
 from rsgen.report.result_json import ranking_entry
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.conftest import FEW, Answer

@@ -25,7 +25,7 @@ from rsgen.identification.ranking.reference import PointTest
 from rsgen.identification.results import Identification
 from rsgen.identification.results import changed as changed_result
 from rsgen.law.element import make_element
-from rsgen.report.wording.sentences import ranking_steps, sentence, state_verdict
+from rsgen.report.sentences import ranking_steps, sentence, state_verdict
 from tests.ranking.test_ranking import BASE, MEMORYLESS, measured
 from tests.surfaces import LAWS, MASS, changed, codes, noisy, truth, without_phase
 

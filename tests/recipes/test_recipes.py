@@ -21,7 +21,7 @@ import json, sys
 import numpy as np
 import rsgen as rs
 from rsgen.cases.case import case_schema
-from rsgen.report.wording.sentences import next_step
+from rsgen.report.sentences import next_step
 
 # response held at three amplitudes of a septic spring: the force follows from the balance of one harmonic
 f = np.tile(np.linspace(8.0, 12.0, 18), 3)

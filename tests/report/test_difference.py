@@ -13,7 +13,7 @@ from rsgen.app.cli.diff_command import compare_results, is_worse
 from rsgen.common.errors import RsgenError
 from rsgen.report.page import write_index
 from rsgen.report.result_json import read_result, read_results
-from rsgen.report.wording.sentences import read_verdict
+from rsgen.report.sentences import read_verdict
 from tests.samples import cubic_result, write_result
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from rsgen.common.finding import Finding, earlier_codes
-from rsgen.report.wording.sentences import CODES, next_step, sentence
+from rsgen.report.sentences import CODES, next_step, sentence
 
 CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_1.json").read_text("utf-8"))
 

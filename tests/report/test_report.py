@@ -42,7 +42,7 @@ from rsgen.report.page import (
 )
 from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import build_result, read_results, result_text
-from rsgen.report.wording.sentences import error_text, sentence
+from rsgen.report.sentences import error_text, sentence
 from tests.case_files import CUBIC, GONE, SMALL
 from tests.case_files import changed as changed_case
 from tests.samples import (

@@ -11,10 +11,10 @@ import pytest
 import rsgen
 from rsgen.common.finding import Finding, Verdict, reach_verdict
 from rsgen.identification.results import Identification
+from rsgen.report import sentences
 from rsgen.report.page import page_context, render_page, write_index
 from rsgen.report.provenance import Subject, coded
-from rsgen.report.wording import sentences
-from rsgen.report.wording.sentences import NEXT_STEPS, full_sentence, next_step, state_verdict
+from rsgen.report.sentences import NEXT_STEPS, full_sentence, next_step, state_verdict
 from tests.samples import (
     cubic_case,
     cubic_comparison,

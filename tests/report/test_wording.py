@@ -13,7 +13,7 @@ import pytest
 
 import rsgen
 from rsgen.common.finding import Finding, Quantity
-from rsgen.report.wording.sentences import _PART, CODES, NEXT_STEPS, _holds, _Number, next_step, sentence
+from rsgen.report.sentences import _PART, CODES, NEXT_STEPS, _holds, _Number, next_step, sentence
 
 PACKAGE = Path(rsgen.__file__).parent
 
@@ -81,7 +81,7 @@ def test_every_part_of_a_text_can_be_said(code):
 
 def test_a_code_has_one_sentence_and_one_next_step():
     # TOML refuses a code that stands twice; a function of the same code would replace its text without a word
-    texts = tomllib.loads((PACKAGE / "report/wording/findings.toml").read_text(encoding="utf-8"))
+    texts = tomllib.loads((PACKAGE / "report/findings.toml").read_text(encoding="utf-8"))
     assert {key for said in texts.values() for key in said} == {"sentence", "next", "words"}
     said = {code for code, text in texts.items() if "sentence" in text}
     assert {code for code in said if not isinstance(CODES[code], partial)} == set()

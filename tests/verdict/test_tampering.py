@@ -9,7 +9,7 @@ import pytest
 import rsgen
 from benchmarks import campaign
 from benchmarks.tampered_measurements import OF_CASE
-from rsgen.report.wording.sentences import CODES
+from rsgen.report.sentences import CODES
 from tests.verdict.laboratory import judge, stepped
 from tests.verdict.tampering import TAMPERINGS, UNSEEN
 

@@ -6,8 +6,16 @@ from typing import Any
 
 import rsgen
 from rsgen.app.cli.derive_command import sentences_of_elements
-from rsgen.app.cli.options import Cases, Data, Json
-from rsgen.app.cli.terminal import FAULTY, USABLE_RESULT, print_faults, print_json, print_line
+from rsgen.app.cli.terminal import (
+    FAULTY,
+    USABLE_RESULT,
+    Cases,
+    Data,
+    Json,
+    print_faults,
+    print_json,
+    print_line,
+)
 from rsgen.cases.case import Case, law_faults
 from rsgen.cases.loading import find_cases, load_case, name_clashes, read
 from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, shown_path
@@ -26,7 +34,7 @@ from rsgen.identification.fitting.points import (
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.law.memory import refuse_free_powers
 from rsgen.law.numeric import compile_law
-from rsgen.report.wording.sentences import in_order, sentence
+from rsgen.report.sentences import in_order, sentence
 
 
 def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[str]:

@@ -8,8 +8,7 @@ from typing import Annotated
 import sympy
 import typer
 
-from rsgen.app.cli.options import Memory
-from rsgen.app.cli.terminal import print_block
+from rsgen.app.cli.terminal import Memory, print_block
 from rsgen.common.errors import RsgenError
 from rsgen.describing.derivation import derive
 from rsgen.describing.function import DescribingFunction, variables_of
@@ -36,7 +35,7 @@ def law_sentences(force: sympy.Expr, full: bool = False) -> list[str]:
     if not found:
         # loading the sentences takes 9 of the 600 ms of `rsgen derive`, and most laws need none
         return []
-    from rsgen.report.wording.sentences import full_sentence, sentence
+    from rsgen.report.sentences import full_sentence, sentence
 
     return [(full_sentence if full else sentence)(finding) for finding in found]
 

@@ -8,12 +8,11 @@ from typing import Annotated
 import typer
 
 from rsgen.analysis.comparison import ComparedFit, FitComparison
-from rsgen.app.cli.options import Json
-from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, print_block, print_json, print_line
+from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, Json, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
 from rsgen.report.result_json import comparison_entry, read_result
-from rsgen.report.wording.sentences import full_sentence, next_step
+from rsgen.report.sentences import full_sentence, next_step
 
 
 def compare_results(*places: str | Path) -> tuple[FitComparison, tuple[str, ...]]:

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 import rsgen
-from rsgen.app.cli.options import Json
-from rsgen.app.cli.terminal import print_json, print_line
+from rsgen.app.cli.terminal import Json, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
 

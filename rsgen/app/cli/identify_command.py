@@ -6,14 +6,14 @@ from dataclasses import replace
 
 from rsgen.analysis.comparison import all_findings, compare, verdict_of
 from rsgen.app.cli import terminal
-from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
+from rsgen.app.cli.terminal import Data, Json, OneCase
 from rsgen.app.study.run_case import identify_case, obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results.result import held_out_lines, mass_lines
 from rsgen.report.result_json import fixed_entry, rows_entry
-from rsgen.report.wording.sentences import sentence, state_verdict
+from rsgen.report.sentences import sentence, state_verdict
 
 
 def identify_command(case: OneCase, data: Data = None, json: Json = False) -> int:

@@ -15,8 +15,7 @@ import typer
 
 from rsgen.app.cli.derive_command import read_memory
 from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.app.cli.options import Json, Memory
-from rsgen.app.cli.terminal import print_json, print_line
+from rsgen.app.cli.terminal import Json, Memory, print_json, print_line
 from rsgen.cases.faults import name_fault
 from rsgen.cases.loading import DATA_VARIABLE
 from rsgen.cases.tables import path_fault

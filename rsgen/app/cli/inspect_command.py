@@ -9,8 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rsgen.app.cli.options import Json
-from rsgen.app.cli.terminal import print_faults, print_json, print_line
+from rsgen.app.cli.terminal import Json, print_faults, print_json, print_line
 from rsgen.common.errors import shown_path
 from rsgen.common.text_table import aligned
 from rsgen.files.inspection.listing import list_contents

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.terminal import USABLE_RESULT, number, print_json, print_line
+from rsgen.app.cli.terminal import USABLE_RESULT, Data, Json, OneCase, number, print_json, print_line
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.formula.units import quantity_text
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out
 from rsgen.report.result_json import modal_entry
-from rsgen.report.wording.sentences import sentence
+from rsgen.report.sentences import sentence
 
 
 def modal_command(case: OneCase, data: Data = None, json: Json = False) -> int:

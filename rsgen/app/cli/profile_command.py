@@ -6,9 +6,8 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.terminal import print_block, print_json
+from rsgen.app.cli.terminal import Data, Json, OneCase, print_block, print_json
 from rsgen.app.study.run_case import identify_case, obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.identification.profile import profile

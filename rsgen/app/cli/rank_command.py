@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from rsgen.app.cli import terminal
-from rsgen.app.cli.options import Data, Json, OneCase
 from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
+from rsgen.app.cli.terminal import Data, Json, OneCase
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -20,7 +20,7 @@ from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results import units_of
 from rsgen.report.result_json import ranking_entry
-from rsgen.report.wording.sentences import ranking_steps, sentence, state_verdict
+from rsgen.report.sentences import ranking_steps, sentence, state_verdict
 
 
 def rank_command(

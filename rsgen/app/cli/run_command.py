@@ -8,9 +8,19 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.options import Cases, Data, Figures, Json, Out
 from rsgen.app.cli.progress_bar import case_progress, print_cache_fault
-from rsgen.app.cli.terminal import FAULTY, USABLE_RESULT, print_json, print_line, verdict_code
+from rsgen.app.cli.terminal import (
+    FAULTY,
+    USABLE_RESULT,
+    Cases,
+    Data,
+    Figures,
+    Json,
+    Out,
+    print_json,
+    print_line,
+    verdict_code,
+)
 from rsgen.app.study.many_cases import run_cases
 from rsgen.app.study.run_case import CaseRun
 from rsgen.cases.loading import find_cases

@@ -1,4 +1,4 @@
-"""How results are printed to standard output, and faults to standard error."""
+"""Arguments and options that commands share; output of results, and of faults to standard error."""
 
 from __future__ import annotations
 
@@ -9,9 +9,32 @@ import sys
 import unicodedata
 from collections.abc import Iterable
 from contextlib import suppress
-from typing import Any, TextIO
+from pathlib import Path
+from typing import Annotated, Any, TextIO
+
+import typer
 
 from rsgen.common.finding import USABLE, StatedVerdict, next_lines, verdict_lines
+
+# ----------------------------------------------------------------------------
+# Arguments and options that several commands share.
+
+Cases = Annotated[list[Path], typer.Argument(help="Case files, or folders of them.", show_default=False)]
+OneCase = Annotated[Path, typer.Argument(help="A case file.", show_default=False)]
+Out = Annotated[Path, typer.Option("--out", "-o", help="The folder of all results.")]
+Data = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder of measured files; otherwise RSGEN_DATA, then the case's own.", show_default=False
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Answer as JSON, for programs.")]
+Memory = Annotated[list[str] | None, typer.Option(help="A state: 'z = g(x, v, z)'.", show_default=False)]
+Figures = Annotated[
+    str | None,
+    typer.Option(help="Save every figure with the report, too: pdf, svg or png.", show_default=False),
+]
+
 
 # ----------------------------------------------------------------------------
 # Robust stdout and stderr: closed, full disk, broken pipe, limited encoding.

@@ -39,7 +39,7 @@ from rsgen.law.memory import equations_of
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
 
-ORDER = (
+_ORDER = (
     "BIC: above the lowest; unseen: error on levels not fitted; order: first the simplest of those that tie "
     "with the best, then by BIC, last what predicts unseen levels worse than a simpler law; all laws of the "
     "library and their sums were compared once, and those that left least are listed, with the best single "
@@ -273,7 +273,7 @@ class Ranking(Printed):
         best = whole_name(self.candidates[0].name, self.model.sensors)
         judged = "periods" if isinstance(self.surface, MultisineSpectra) else "neighbouring points"
         caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} % by {judged}"
-        return TextTable(tuple(columns), rows, caption=caption, notes=(ORDER,))
+        return TextTable(tuple(columns), rows, caption=caption, notes=(_ORDER,))
 
 
 def _topic(finding: Finding) -> tuple[str, ...]:

@@ -1,7 +1,9 @@
 """How a finding and a verdict become sentences: a text or a function a code, numbers printed as in a book.
 
-The verdict in words is an entry of result.json, and from it, of pages, notebooks and terminals. Sentences
-about laws, predictions, rankings and comparisons follow.
+Most sentences stand in ``findings.toml``; those with more logic are functions below. The numerical layers
+make findings (``rsgen.common.finding``); pages, notebooks, ``result.json`` and the command line take their
+sentences from here, and nothing reads a sentence back. The verdict in words is an entry of result.json.
+Sentences about laws, predictions, rankings and comparisons follow.
 """
 
 from __future__ import annotations
