@@ -10,15 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import rsgen
-from rsgen.analysis.comparison import Comparison
-from rsgen.cases.case import Case
+from rsgen import Case, Comparison, Identification, Prediction, ResponseSurface, SimulatedTest, make_element
 from rsgen.data.oscillator import Model, Observation
-from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.formula.reading import parse
-from rsgen.identification.prediction import Prediction
-from rsgen.identification.results import Identification
-from rsgen.law.element import make_element
 from rsgen.report import draw_all
 from rsgen.report.figures import Drawing
 from rsgen.report.provenance import Subject
@@ -28,6 +22,7 @@ MASS, K1, KN1, C1 = 1.5, 5920.0, -2.2e5, 3.8
 """A softening cubic spring whose peak shifts by about 4 % at 12 N."""
 
 
+@cache
 def cubic_surface(levels: int = 8, frequencies: int = 61, sweep: str = "rest", *, gaps: bool = False):
     """F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c^2), the smallest root X (up: the largest)."""
     level, frequency = np.meshgrid(
@@ -59,11 +54,13 @@ def cubic_model(hold_out: tuple[float, ...] = ()) -> Model:
     return Model(elements, mass=MASS, observation=Observation(hold_out=hold_out))
 
 
+@cache
 def cubic_identification(surface: ResponseSurface, hold_out: tuple[float, ...] = ()) -> Identification:
     """What is identified from the surface, with no finding about it."""
     return replace(rsgen.identify(surface, cubic_model(hold_out)), findings=())
 
 
+@cache
 def cubic_prediction(surface: ResponseSurface, held_out: tuple[float, ...] = ()) -> Prediction:
     """Resonance curves of every level, with no finding about them."""
     found = cubic_identification(surface, held_out)

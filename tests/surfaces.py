@@ -5,12 +5,9 @@ from dataclasses import fields
 
 import numpy as np
 
+from rsgen import Identification, ResponseSurface, identify, make_element
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
-from rsgen.identification.identify import identify
-from rsgen.identification.results import Identification
-from rsgen.law.element import make_element
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
     "cubic": ("k*x + kn*x**3 + c*v", {"k": 5920.0, "kn": -2.2e5, "c": 3.8}),

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.analysis.comparison import compare
-from rsgen.identification.identify import identify
+from rsgen import compare, identify
 from rsgen.identification.results.alternatives import Alternative
 from tests.surfaces import model, noisy, surface, truth
 

@@ -6,20 +6,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
+from rsgen import SimulatedTest, identify, make_element, sentence, simulate
 from rsgen.data.history import SweepLaw, from_swept_sine
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.dynamics.simulation import simulate
-from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.identification.identify import identify
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
 from rsgen.identification.prediction.prediction_result import known_beyond
 from rsgen.identification.prediction.resonance_curves import predict_shown
-from rsgen.identification.results.result import held_out_lines
-from rsgen.law.element import make_element
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
-from rsgen.report.figures.responses import draw_held_out, draw_responses
-from rsgen.report.sentences import sentence
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, model, noisy, surface
 
@@ -158,21 +152,6 @@ def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
     assert "nothing is known" in sentence(beyond)
 
 
-@pytest.mark.parametrize(("error", "said"), [
-    (0.0092, "1.6 times the misfit of the fitted levels: as good as the fit"),
-    (0.0124, "2.1 times the misfit of the fitted levels"), (0.08, "14 times the misfit of the fitted levels"),
-    (1e-5, ""),
-])  # fmt: skip
-def test_the_error_of_a_held_out_level_has_its_scale_and_its_place(quintic, error, said):
-    item = replace(quintic[1].held_out[0], error=error, misfit=0.0059)
-    (line,), (doubted,) = held_out_lines([item], usable=True), held_out_lines([item])
-    assert line.endswith(f"; {said}" if said else " %")
-    miss = np.abs(item.predicted - item.measured)
-    assert (f" at {item.frequency[np.argmax(miss)]:.5g} Hz;" in line) is bool(said)
-    # beside a law that is doubted nothing is good, and several times the misfit is never small
-    assert doubted == line.removesuffix(": as good as the fit")
-
-
 @pytest.mark.parametrize(("sweep", "band", "by"), [
     ("rest", (9.6, 12.4), "jump"), ("rest", (9.6, 10.9), "jump"), ("up", (9.6, 12.4), ""),
     ("rest", (9.6, 9.9), "end"), ("up", (9.6, 10.9), "end"),
@@ -247,24 +226,6 @@ def test_the_energy_of_a_driven_base_is_that_of_its_law(mass):
     # measured up to a half width, a hundredth, from the resonance: pi omega c X^2 is as far off
     expected = np.interp(measured.amplitude, law.amplitude, law.energy)
     np.testing.assert_allclose(measured.energy, expected, rtol=0.01)
-
-
-@pytest.mark.parametrize("mass", [None, 2.0])
-def test_figures_find_the_curves_of_a_driven_base(mass):
-    rig = Oscillator(2.0, "k*x + k3*x**3 + c*v", {"k": 2e4, "k3": 5e9, "c": 4.0})
-    table = simulate(rig, SimulatedTest([0.4, 0.8, 1.2], np.linspace(14, 22, 25), base="acceleration"))
-    found = identify(table, rig.force, observation=Observation(hold_out=(0.8,)), mass=mass)
-    for tested in (table, table.on_mass(2.0)) if mass else (table,):
-        prediction = predict(found, [0.4, 0.8, 1.2], tested)
-        (axes,) = draw_responses(tested, prediction).figure.axes
-        assert [text.get_text() for text in axes.get_legend().get_texts()] == [
-            "1.2 m/s²",
-            "0.8 m/s²",
-            "0.4 m/s²",
-        ]
-        (axes,) = draw_held_out(prediction).figure.axes
-        # the band of the curve of this level
-        assert axes.collections
 
 
 def test_held_amplitudes_are_predicted_on_unstable_branches_too():

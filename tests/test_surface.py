@@ -11,11 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rsgen as rs
+from rsgen import load_surface, sentence
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, save_surface, without_copies
-from rsgen.files.surface_file import load_surface
-from rsgen.report.sentences import sentence
 from tests.samples import cubic_surface
 
 

@@ -13,8 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.random import Generator
 
-from rsgen.cases.loading import load_case
-from rsgen.common.errors import RsgenError
+from rsgen import RsgenError, load_case
 from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.damage import DAMAGE
 from tests.attacks.texts import TEXTS, grown

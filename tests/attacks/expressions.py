@@ -9,10 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rsgen import RsgenError, make_element
 from rsgen.app.cli.derive_command import derive_command, read_memory
-from rsgen.common.errors import RsgenError
 from rsgen.formula.unit_deduction import parameter_units
-from rsgen.law.element import make_element
 from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.texts import TEXTS, grown
 

@@ -13,11 +13,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from rsgen.common.errors import RsgenError
+from rsgen import RsgenError, load_surface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import propose
-from rsgen.files.surface_file import load_surface
 from tests.attacks.child import Outcome, attacked, command, judged, kind_of, measured
 from tests.attacks.damage import CHECKED, DAMAGE
 from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan

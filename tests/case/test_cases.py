@@ -9,8 +9,7 @@ import pytest
 
 import rsgen
 from benchmarks.table1 import table_of_results
-from rsgen.analysis.comparison import Comparison
-from rsgen.identification.prediction import Prediction
+from rsgen import Comparison, Prediction
 from rsgen.report.provenance import Subject
 from rsgen.report.result_json import build_result, read_results, result_text
 

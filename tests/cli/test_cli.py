@@ -64,10 +64,6 @@ def test_check_says_what_a_run_will_do(run_cli):
     assert answer["cases"][0]["identifies"] == ["m", "c1", "k1", "kn1"]
 
 
-def test_derive_reads_as_a_person_writes(run_cli):
-    assert "k1 + 3/4 kn1 X^2" in run_cli("derive", "k1*x + kn1*x**3").out
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "law", ["k1*x + kn1*x**3 + c1*v", "k*x + mu*sign(v) + c*v", "k*x + masing(Min(kt*x, Fs))"]

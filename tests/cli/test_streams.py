@@ -26,8 +26,7 @@ def redirected(words: str, redirections: str) -> subprocess.CompletedProcess[str
 @pytest.mark.parametrize(("redirections", "words", "code", "error"), [
     ("> /dev/full", "laws", 2, "standard output: cannot be written: No space left on device\n"),
     ("> /dev/full", "--help", 2, "rsgen: the system refuses what this needs: No space left on device\n"),
-    ("2> /dev/full", "run absent.toml", 2, ""), ("> /dev/full 2> /dev/full", "laws", 2, ""),
-    (">&-", "laws", 0, ""), ("<&- >&- 2>&-", "run absent.toml", 2, ""),
+    ("2> /dev/full", "run absent.toml", 2, ""), ("<&- >&- 2>&-", "run absent.toml", 2, ""),
 ])  # fmt: skip
 def test_a_command_ends_well_whatever_its_streams_are(redirections, words, code, error):
     done = redirected(words, redirections)

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from rsgen.common.errors import RsgenError
-from rsgen.describing.derivation import derive
+from rsgen import RsgenError, derive, laws
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers, symbol
 from rsgen.formula.reading import parse
-from rsgen.law.element import laws
 from tests.describing.test_describing import errors_of
 
 WITH_ORACLE = 8  # points of a law that also go through the slow quadrature; rsgen's own proof has 40 and more

@@ -5,12 +5,11 @@ import pytest
 import sympy
 from scipy.special import gamma, i1
 
+from rsgen import derive, laws, make_element
 from rsgen.common.errors import ExpressionError, RsgenError
-from rsgen.describing.derivation import derive
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import remembers, symbol
 from rsgen.formula.reading import parse
-from rsgen.law.element import laws, make_element
 from tests.oracles.loop import equivalent, odd_loop
 
 pytestmark = pytest.mark.slow

@@ -14,6 +14,9 @@ PAGES = [
 ]
 NAMES = [str(path.relative_to(ROOT)) for path in PAGES]
 
+AT_LENGTH = ("howto", "tutorial")
+"""Folders of pages whose commands `make docs` runs as well; here they are part of `make test-all`."""
+
 MOST_BYTES = 150_000  # of a picture: the repository keeps every version
 
 
@@ -26,7 +29,7 @@ def test_a_page_that_uses_examples_says_where_they_come_from(path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", [
-    pytest.param(path, marks=[pytest.mark.thorough] if path.parent.name == "howto" else [])
+    pytest.param(path, marks=[pytest.mark.thorough] if path.parent.name in AT_LENGTH else [])
     for path in PAGES
 ], ids=NAMES)  # fmt: skip
 def test_snippets_run(path, tmp_path):

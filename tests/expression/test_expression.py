@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.evaluation import compiled
-from rsgen.formula.names import FUNCTIONS, check_name, renamed, symbol
+from rsgen.formula.names import FUNCTIONS, check_name, symbol
 from rsgen.formula.printing import write
 from rsgen.formula.reading import FUNCTION_TABLE, parse
 
@@ -413,15 +413,6 @@ def test_no_function_is_evaluated_anew(monkeypatch):
 
 
 NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
-
-
-@pytest.mark.parametrize("text", [
-    "k*x + sqrt(k**2)*x**3", "Piecewise((k*x, x < b), (k*b + (x - b)/2, True))", "abs(k)*sign(x)*b**1.5",
-    "c*v", "Max(-b, Min(k*x, b))",
-])  # fmt: skip
-def test_renaming_is_replacing(text):
-    law = parse(text)
-    assert renamed(law, NAMES) == law.xreplace(NAMES)
 
 
 def test_every_function_that_may_be_called_can_be_read():

@@ -11,17 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from rsgen import figures
-from rsgen.describing.derivation import derive
-from rsgen.identification.modal_table import modal_table
-from rsgen.identification.prediction import predict
-from rsgen.law.element import make_element
+from rsgen import derive, figures, make_element, modal_table, predict
 from rsgen.report.figures import Drawing, number_text
-from rsgen.report.figures.drawing import colour_bar, lay_out, new_figure, project_style
 from rsgen.report.figures.equivalent import backbone
 from tests.samples import C1, K1, KN1, cubic_identification, cubic_prediction, cubic_surface
 
@@ -77,20 +71,6 @@ def test_all_that_a_figure_shows_lies_inside_it(name):
     figure = DRAWINGS[name]().figure
     shown = Bbox.union([axes.get_tightbbox() for axes in figure.axes])
     assert Bbox.union([figure.bbox, shown]).bounds == figure.bbox.bounds
-
-
-@pytest.mark.parametrize("height", [3.3, 4.6])
-@pytest.mark.parametrize("largest", [1.2, 17.5, 9e3])
-def test_the_title_of_a_colour_bar_lies_inside_its_figure(largest, height):
-    """More ticks after the layout, with more digits, moved it beyond the edge."""
-    with project_style():
-        figure = new_figure(4.4, height)
-        first, *_ = figure.subplots(2, 1)
-        colour_bar(first, Normalize(0, largest), "Level F [N]")
-        lay_out(figure)
-        (bar,) = first.child_axes
-        figure.draw_without_rendering()
-        assert bar.yaxis.label.get_window_extent().x1 <= figure.bbox.x1
 
 
 @pytest.mark.slow

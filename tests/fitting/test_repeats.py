@@ -5,9 +5,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen import ResponseSurface, identify
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
-from rsgen.identification.identify import identify
 from tests.surfaces import changed, model, noisy, surface, truth
 
 READINGS, NOISE = 8, 0.01

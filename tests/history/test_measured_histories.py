@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen import identify, predict
-from rsgen.cases.loading import load_case
+from rsgen import identify, load_case, predict
 from rsgen.files.files_to_surface import read_measurement
 
 CASES = Path(__file__).parents[1] / "cases"

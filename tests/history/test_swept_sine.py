@@ -11,16 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rsgen.cases.loading import load_case
+from rsgen import Oscillator, identify, load_case, make_element
 from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine, swept_sine
 from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.data.history.tracking import find_sweeps
-from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.identification.identify import identify
-from rsgen.law.element import make_element
 from tests.oracles.swept import driven, sweep
 
 pytestmark = pytest.mark.slow

@@ -8,11 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.cases.loading import load_case
-from rsgen.common.errors import RsgenError
+from rsgen import RsgenError, identify, load_case
 from rsgen.data.oscillator import Model, Observation
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.identification.identify import identify
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
 from tests.surfaces import codes, distances, model, noisy, surface, truth, without_phase
 

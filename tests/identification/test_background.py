@@ -7,13 +7,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.analysis.comparison import compare_fits
-from rsgen.data.oscillator import Observation, Oscillator
-from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.dynamics.simulation import simulate
+from rsgen import Observation, Oscillator, ResponseSurface, compare_fits, identify, predict, simulate
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
-from rsgen.identification.identify import identify
-from rsgen.identification.prediction import predict
 from rsgen.law.motion import Motion, project
 from tests.surfaces import (
     beside,

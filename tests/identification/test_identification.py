@@ -5,16 +5,11 @@ from math import isnan
 import numpy as np
 import pytest
 
-from rsgen.common.finding import Finding
+from rsgen import Finding, ResponseSurface, SimulatedTest, identify, make_element, sentence, simulate
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest, simulate
 from rsgen.identification.fitting.points import select_points
-from rsgen.identification.identify import identify
 from rsgen.identification.resonance import find_resonances
-from rsgen.law.element import make_element
-from rsgen.report.sentences import sentence
 from tests.surfaces import (
     LAWS,
     changed,

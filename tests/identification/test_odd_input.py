@@ -6,12 +6,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rsgen.common.errors import RsgenError
-from rsgen.data.oscillator import Observation
-from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.identification.identify import identify
+from rsgen import Observation, ResponseSurface, RsgenError, identify, make_element
 from rsgen.law.character import character
-from rsgen.law.element import make_element
 from tests.surfaces import surface
 
 CUBIC = "k*x + k3*x**3 + c*v"

@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.dynamics.simulation import SimulatedTest, simulate
+from rsgen import Oscillator, ResponseSurface, SimulatedTest, identify, simulate
 from rsgen.identification.fitting import least_squares
-from rsgen.identification.identify import identify
 from rsgen.identification.profile import _Likelihood, profile, with_profiles
 from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.results.result import EquivalentCurve

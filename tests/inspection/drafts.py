@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from rsgen import ResponseSurface, load_case
 from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.cases.loading import load_case
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import Proposal, propose

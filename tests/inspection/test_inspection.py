@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 import scipy.io
 
+from rsgen import ResponseSurface, load_case, read
 from rsgen.app.cli.inspect_command import proposal_text
-from rsgen.cases.loading import load_case, read
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import Proposal
@@ -301,25 +300,6 @@ def test_a_capital_f_alone_is_a_force(tmp_path):
     (tmp_path / "a.csv").write_text("F,f,x\n1,10,0.1\n1,11,0.2\n1,12,0.1\n")
     tables = proposed(tmp_path / "a.csv")
     assert (tables["frequency"]["column"], tables["force"]["amplitude"]) == ("f", "F")
-
-
-def test_what_no_title_says_is_written_with_a_comment(tmp_path, begun):
-    """Peak or rms was never asked, and a column of runs passed over without a word."""
-    rows = [f"{run},{5 + f / 10},{run},{1 + f},{170 - f}" for run in (1, 3) for f in range(9)]
-    path = table(tmp_path / "a.csv", "run,freq (Hz),F (N),acc (g),phi (deg)", rows)
-    said = doubts(path)
-    assert proposed(path)["force"]["scale"] == proposed(path)["response"]["scale"] == "peak"
-    assert said["test.force.scale"] == said["test.response.scale"] == 'TODO: or "rms"; the file does not say'
-    assert said["test.response.phase_sense"].startswith("no title says it")
-    assert said["test.response.amplitude"] == "left out: run"
-    assert len(read_case(begun(path))) == 18
-    told, twice = (
-        "freq (Hz),F peak (N),acc pk (g),phi lead (deg)",
-        "freq (Hz),F pk-pk (N),acc peak-to-peak (g)",
-    )
-    assert not doubts(table(path, told, [row[2:] for row in rows]))
-    asked = doubts(table(path, twice, [row[2:-4] for row in rows]))
-    assert {"test.force.scale", "test.response.scale"} <= asked.keys()
 
 
 def test_a_table_with_neutral_titles_is_asked_for_quantity_unit_and_scale_of_its_response(tmp_path, begun):

@@ -59,7 +59,10 @@ def test_levels_side_by_side_are_read(tmp_path, titles):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("title", ["H{} x", "acc {}", "base acc {}", "phase {}"])
+@pytest.mark.parametrize("title", [
+    "H{} x", "phase {}", pytest.param("acc {}", marks=pytest.mark.thorough),
+    pytest.param("base acc {}", marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_a_draft_of_thousands_of_columns_takes_no_time(title):
     names = ["freq", *(title.format(number) for number in range(9000)), "acc tip", "acc root"]
     entries = tuple(Entry(name, (20,), "float64", low=0.0, high=1.0) for name in names)

@@ -5,8 +5,7 @@ import pytest
 import sympy
 
 import rsgen
-from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.virtual_test import SimulatedTest
+from rsgen import Oscillator, SimulatedTest
 from rsgen.formula.reading import parse
 from rsgen.law.character import character, jointly_linear
 from rsgen.law.element import law_remarks

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rsgen.describing.derivation import derive
+from rsgen import derive, laws
 from rsgen.formula.reading import parse
-from rsgen.law.element import laws
 from rsgen.law.loops import _weight, find_reversals
 from rsgen.law.memory import with_memory
 from rsgen.law.motion import Motion, fourier_series, project

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen import Oscillator, make_element
 from rsgen.data.history import SweepLaw
-from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import BaseRule, Channel
-from rsgen.law.element import make_element
 from tests.case_files import MEASURED, Changes, write_small
 from tests.oracles.swept import sweep
+from tests.surfaces import codes
 
 
 def motion(first: int, **keys: object) -> dict[str, object]:
@@ -96,10 +96,6 @@ def test_swapped_amplitudes_beside_a_phase_are_named_and_no_mass_is(tmp_path, re
     asked = rs.identify(swapped, "k*x + k3*x**3 + c*v")
     assert asked.verdict.state == "rejected"
     assert "fixed-contradicted" not in codes(asked)
-
-
-def codes(found: rs.ResponseSurface | rs.Identification) -> set[str]:
-    return {finding.code for finding in found.findings}
 
 
 def test_a_reversed_base_below_a_stop_is_named_as_reversed():
@@ -205,6 +201,7 @@ def test_beside_friction_misread_channels_are_named(friction):
     assert not {"not-converged", "fixed-contradicted"} & {finding.code for finding in asked.findings}
 
 
+@pytest.mark.usefixtures("few_laws")
 def test_a_ranking_of_a_misread_base_says_so_and_tries_no_sums():
     right = shaken(0.25)
     absolute = right.harmonics[:, 1] + right.force / right.omega**2

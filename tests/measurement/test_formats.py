@@ -16,9 +16,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.io import savemat, wavfile
 
-from rsgen.cases.loading import load_case
+from rsgen import ResponseSurface, load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files import sandbox
 from rsgen.files.array_files import walk_wav
 from rsgen.files.data_files import recognise_format

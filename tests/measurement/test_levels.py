@@ -9,16 +9,14 @@ import pytest
 import scipy.io
 
 import rsgen
+from rsgen import MultisineSpectra, load_surface, sentence
 from rsgen.common.errors import MeasurementError, RsgenError
-from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
-from rsgen.data.surface.response_surface import ResponseSurface, save_surface, typical_amounts
+from rsgen.data.surface.response_surface import save_surface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
-from rsgen.files.surface_file import load_surface
-from rsgen.report.sentences import sentence
 from tests.surfaces import severities
 
 FREQUENCY = np.linspace(8, 12, 41)
@@ -99,16 +97,6 @@ def test_sweeps_of_one_force_share_a_level(tmp_path):
     given = read_measurement(replace(plan, level=LevelRule(values=(0.05, 0.05, 0.1, 0.1))))
     assert given.levels.tolist() == [0.05, 0.1]
     assert not severities(given)
-
-
-@pytest.mark.slow
-def test_a_held_response_is_declared_with_its_unit(tmp_path):
-    path = held_runs(tmp_path / "a.mat", level=HELD * 1e3)
-    rule = LevelRule(column="run/*/level", unit="mm")
-    surface = read_measurement(of_runs(path, control="response", level=rule))
-    assert (surface.control, surface.level_unit) == ("response", "m")
-    np.testing.assert_allclose(surface.levels, HELD, rtol=1e-12)
-    assert severities(surface) == {}
 
 
 DIP = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
@@ -280,15 +268,6 @@ def test_labels_cannot_stand_for_a_force():
     rule = LevelRule(values=(1, 3), unit="label")
     with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):
         MeasuredTest((Path("a"), Path("b")), 1, None, Channel(amplitude=2), "displacement", level=rule)
-
-
-def test_typical_force_is_that_near_the_resonance():
-    force = np.where(np.abs(FREQUENCY - 10) < 0.8, 2.5, 5.0)
-    response = force / (
-        STIFFNESS - MASS * (2 * np.pi * FREQUENCY) ** 2 + 1j * 2 * np.pi * FREQUENCY * DAMPING
-    )
-    surface = ResponseSurface(5.0, FREQUENCY, force, response)
-    assert typical_amounts(surface).tolist() == [2.5]
 
 
 @pytest.mark.parametrize(("levels", "asked", "meant"), [

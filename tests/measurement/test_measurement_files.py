@@ -17,9 +17,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from rsgen.cases.loading import load_case
+from rsgen import ResponseSurface, load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files import sandbox
 from rsgen.files.array_files import walk_npz
 from rsgen.files.data_files import recognise_format

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rsgen import ResponseSurface, sentence
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.files.text_columns import read_columns
-from rsgen.report.sentences import sentence
 
 
 def read(path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any):

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen.cases.loading import load_case
+from rsgen import ResponseSurface, load_case
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
 from tests.case_files import MEASURED, write_small

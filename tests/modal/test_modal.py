@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.errors import RsgenError
+from rsgen import ResponseSurface, RsgenError
 from rsgen.common.tolerances import interval_sigmas
 from rsgen.data.oscillator import Model, Observation
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.modal_result import ModalSplines, SplineBasis, other_mass
@@ -128,7 +127,7 @@ def test_a_mass_that_splines_and_background_hide_is_that_of_the_first_background
             assert getattr(table, name) == pytest.approx(true, rel=0.02)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.thorough)])
 def test_a_neighbour_that_is_noise_or_the_mode_itself_is_named(seed):
     # identified, f_n to half a hertz at the mode itself or at noise of two points
     seen = softening_beside_a_mode(seed, residue=0.0)

@@ -80,7 +80,7 @@ def test_intervals_of_records_with_two_base_frequencies_cover_the_truth():
     assert wrong.verdict.state == "rejected"
 
 
-@pytest.mark.parametrize("rows", [[1], [0, 2]])
+@pytest.mark.parametrize("rows", [[1], pytest.param([0, 2], marks=pytest.mark.thorough)])
 def test_two_periods_are_the_same_record_as_one(rows):
     whole = rsgen.simulate(
         rsgen.Oscillator(1.5, LAW, {"k": 5000, "k3": 4e6, "c": 4}),

@@ -43,7 +43,7 @@ def test_intervals_cover_the_truth_and_a_level_held_out_is_not_seen():
     assert np.all(half < 0.01 * exact)
 
 
-@pytest.mark.parametrize("mass", [None, MASS])
+@pytest.mark.parametrize("mass", [None, pytest.param(MASS, marks=pytest.mark.thorough)])
 def test_a_reversed_response_has_no_table(mass):
     # a mass of -1.5 kg and a stiffness of -5920 N/m were tabulated
     records = spectra("k*x + c*v", noise=0.01)

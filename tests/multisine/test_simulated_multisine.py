@@ -74,7 +74,9 @@ def test_a_held_out_record_that_is_not_reached_from_rest_is_predicted_near_the_m
     assert "no-steady-state" not in {finding.code for finding in found.findings}
 
 
-@pytest.mark.parametrize(("lines", "noise"), [("odd", 0.01), ("all", 0.003)])
+@pytest.mark.parametrize(
+    ("lines", "noise"), [("odd", 0.01), pytest.param("all", 0.003, marks=pytest.mark.thorough)]
+)
 def test_friction_is_no_smoother_than_it_was(lines, noise):
     """Along the lines of the record alone a sharp friction had a width, or a misfit that made it doubtful."""
     law = "k*x + c*v + F*tanh(v/vs)"
@@ -85,6 +87,7 @@ def test_friction_is_no_smoother_than_it_was(lines, noise):
     assert found["vs"].interval[1] < 0.05
 
 
+@pytest.mark.thorough
 def test_a_profile_of_a_smooth_friction_takes_no_more_lines_than_show_it(monkeypatch):
     """Each of its fits took sixteen times the lines recorded, and steps that undid the spring: 12 s."""
     evaluated, sample = 0, ForceLaw.sample

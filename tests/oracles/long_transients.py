@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rsgen.data.oscillator import Oscillator
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen import Oscillator, ResponseSurface
 from rsgen.dynamics.kernel import compile_kernel
 
 _STEPS = 256

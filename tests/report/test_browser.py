@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 
-from rsgen.common.finding import Finding
+from rsgen import Finding, Identification
 from rsgen.formula.reading import parse
-from rsgen.identification.results import Identification
 from rsgen.report import draw_all, write_index
 from rsgen.report.files import check_printed
 from rsgen.report.page import page_context, render_page

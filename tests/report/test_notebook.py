@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 from nbclient import NotebookClient
 
 import rsgen
-from rsgen import figures, load_case
+from rsgen import RsgenError, figures, load_case
 from rsgen.app.study.many_cases import run_cases
-from rsgen.common.errors import RsgenError
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
 from tests.programs import python

@@ -23,8 +23,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import rsgen
-from rsgen.analysis.comparison import Comparison
-from rsgen.common.finding import Finding
+from rsgen import Comparison, Finding
 from rsgen.data.oscillator import Model
 from rsgen.formula.printing import write
 from rsgen.formula.reading import parse
@@ -131,13 +130,6 @@ def test_page_needs_no_network_and_runs_nothing(drawings):
             value = attributes.get(name)
             assert value is None or value.startswith(("#", "data:")), (tag, value)
     assert not re.search(r"@import|url\((?!#|data:)", text)
-
-
-@pytest.mark.slow
-def test_a_page_of_a_test_without_resonances_has_no_empty_table(drawings):
-    assert "Resonances of the levels" in page(drawings)
-    decay = replace(IDENTIFICATION, resonances=())
-    assert "Resonances of the levels" not in page(drawings, decay)
 
 
 def test_page_can_be_found_through(drawings):
@@ -422,14 +414,6 @@ def test_what_fundamentals_do_not_show_is_one_note_for_all_values():
     assert f" ({said.names['others']}), one twice" in sentence(said)
 
 
-def test_one_level_says_that_it_shows_nothing_of_others_and_states_no_value_per_level():
-    seen, _ = quintic()
-    found = rsgen.identify(seen.select(seen.level == 10), "k*x + k5*x**5 + c*v + cq*v*abs(v)", mass=1.9)
-    assert found.verdict.state == "identified"
-    assert np.isnan([one.value for one in found.paper]).all()
-    assert sentence(found.outcome).endswith("one level does not show whether the law holds at others")
-
-
 def test_warnings_stand_before_notes_under_the_headline():
     notes = [Finding("note", "info", names={"text": f"note {i}"}) for i in range(4)]
     warned = Finding("points-excluded", "warning", numbers={"excluded": 3, "points": 9, "all": 9})
@@ -494,17 +478,6 @@ def test_findings_of_a_prediction_stand_in_the_one_list(tmp_path, run_cli):
         assert "did not reach the resonance" in text
 
 
-def test_elements_are_described_at_the_frequency_of_the_resonance():
-    law = {"k": 5920.0, "c": 3.8, "Ff": 1.0}
-    plan = rsgen.SimulatedTest(level=[4, 8], frequency=np.linspace(4, 30, 61))
-    elements = (make_element("spring", "k*x"), make_element("friction", "c*v + Ff*sign(v)"))
-    found = rsgen.identify(rsgen.simulate(rsgen.Oscillator(1.5, elements, law), plan), elements)
-    damping, (course,) = element_finding(elements[1], found), resonance_course(found)
-    for end in ("first", "last"):
-        omega = 2 * np.pi * course[f"frequency_{end}"]
-        assert damping[f"damping_{end}"] == pytest.approx(2 * course[f"ratio_{end}"] * found.mass * omega)
-
-
 def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked_beyond_the_band():
     """It was stated at motions far off resonance, below those of the table, and beyond the band unmarked."""
     _, found = quintic()
@@ -515,17 +488,3 @@ def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked
     (cut,) = resonance_course(replace(found, frequency_range=(16.5, 21.0)))
     assert cut.names["beyond"] == f"{cut['frequency_last']:.4g} Hz"
     assert f"(beyond the tested band: {cut['frequency_last']:.4g} Hz)" in sentence(cut)
-
-
-def test_an_even_force_has_no_other_side_and_its_mean_stands_in_all_formulas(tmp_path):
-    law = "k*x + k2*x**2 + c*v"
-    elements = tuple(make_element(text[:2], text) for text in ("k*x + k3*x**3 + c*v", "k2*x**2"))
-    plan = rsgen.SimulatedTest(level=[1, 2, 4], frequency=np.linspace(8, 12, 41), noise_relative=0.002)
-    test = rsgen.simulate(rsgen.Oscillator(1.5, law, {"k": 6e3, "k2": 2e5, "c": 6.0}), plan)
-    seen = rsgen.ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1])
-    found = rsgen.identify(seen, elements)
-    text = described(elements[1], found)
-    assert "which direction is not known" in text
-    assert " and " not in text.partition("not symmetric")[2]
-    page = rsgen.write_report(tmp_path, seen, found).read_text()
-    assert "X0 is the mean that all elements make together" in page

@@ -147,16 +147,6 @@ def test_what_a_case_is_to_change_is_said_to_python_users_too(code):
             assert "in Python" in text, text
 
 
-@pytest.mark.parametrize(("names", "said"), [
-    ({"term": "x*abs(x)"}, "with x*abs(x), times a coefficient, added to the law,"),
-    ({"background": "phase"}, 'with [identify] background = "phase"'),
-    ({"halves": "alternate levels (1 N; 3 N)"}, "each part by itself: alternate levels (1 N; 3 N), and"),
-    ({"offset of the sensor": "offset"}, "Identify also with that, and"),
-])  # fmt: skip
-def test_the_next_step_of_another_law_names_it(names, said):
-    assert said in next_step(Finding("law-ambiguous", "doubt", "c", {"errors": 9.0, "moved": 0.3}, names))
-
-
 def test_what_is_printed_has_warnings_before_notes_and_says_of_one_level_what_it_is():
     note = Finding("note", "info", names={"text": "a remark"})
     text = str(found_with(note, WARNING))

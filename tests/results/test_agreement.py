@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from rsgen.common.errors import RsgenError
+from rsgen import RsgenError, identify
 from rsgen.common.finding import reach_verdict
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
-from rsgen.identification.identify import identify
 from rsgen.identification.lines.line_fit import jackknife
 from rsgen.identification.results.alternatives import compare_parts
 from tests.samples import cubic_model, cubic_surface

@@ -5,13 +5,10 @@ import pytest
 
 import rsgen
 import rsgen as rs
-from rsgen.common.errors import RsgenError
-from rsgen.data.oscillator import Oscillator
+from rsgen import Oscillator, RsgenError, SimulatedTest, simulate
 from rsgen.dynamics import harmonic_balance
 from rsgen.dynamics.linear_part import Inertia
-from rsgen.dynamics.simulation import simulate
 from rsgen.dynamics.steady_state import solve_steady_states
-from rsgen.dynamics.virtual_test import SimulatedTest
 from rsgen.law.numeric import compile_law
 
 LINEAR = {"c": 3.8, "k": 5922.0}

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.errors import RsgenError
+from rsgen import RsgenError, SimulatedTest
 from rsgen.data.surface.plausibility import lag_findings
-from rsgen.dynamics.virtual_test import SimulatedTest
 
 LAW = "k*x + k3*x**3 + c*v"
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8

@@ -6,11 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen import load_case
-from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.simulation import simulate
-from rsgen.dynamics.virtual_test import SimulatedTest
-from rsgen.law.element import make_element
+from rsgen import Oscillator, SimulatedTest, load_case, make_element, simulate
 from tests.oracles.long_transients import largest_difference
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -28,7 +28,7 @@ def test_a_linear_decay_has_frequency_and_damping_of_the_closed_form():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["linear", "logarithmic"])
+@pytest.mark.parametrize("kind", ["linear", pytest.param("logarithmic", marks=pytest.mark.thorough)])
 def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind):
     sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=80, rate=200, law=kind)
     swept = rs.identify(rs.simulate(CUBIC, sweep), LAW)

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen import load_case
-from rsgen.data.oscillator import Oscillator
+from rsgen import Oscillator, load_case, make_element
 from rsgen.dynamics.fixed_point import attraction, correction
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.steady_state import solve_steady_states
-from rsgen.law.element import make_element
 from tests.oracles import events
 from tests.oracles.events import Law
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from rsgen import RsgenError, load_case
 from rsgen.app.study.folder import (
     MANIFEST,
     UNFINISHED,
@@ -22,8 +23,6 @@ from rsgen.app.study.folder import (
 )
 from rsgen.app.study.many_cases import local_workers, run_cases
 from rsgen.app.study.run_case import check_place, current_result, run_case
-from rsgen.cases.loading import load_case
-from rsgen.common.errors import RsgenError
 from tests.case_files import CUBIC, write_small
 
 NO_PROCESS = 4_194_303
