@@ -248,18 +248,6 @@ def surface(**columns) -> ResponseSurface:
     )
 
 
-def test_the_fundamental_of_recorded_harmonics_is_the_force():
-    harmonics = np.array([[0.1, 2, 0.3j], [0.2, 2.1, 0.2], [0.3, 1.9j, 0.1]])
-    made = surface(force=harmonics)
-    np.testing.assert_array_equal(made.force, harmonics[:, 1])
-    np.testing.assert_array_equal(made.force_harmonics, harmonics)
-    # a new fundamental keeps its company, new harmonics bring their fundamental
-    np.testing.assert_array_equal(replace(made, force=[1, 2, 3]).force_harmonics[:, 1], [1, 2, 3])
-    np.testing.assert_array_equal(replace(made, force=[1, 2, 3]).force_harmonics[:, 2], harmonics[:, 2])
-    np.testing.assert_array_equal(replace(made, force=2 * harmonics).force, 2 * harmonics[:, 1])
-    np.testing.assert_array_equal(made.select(np.array([2, 0])).force_harmonics, harmonics[[2, 0]])
-
-
 LAW = "k1*x + kn1*x**3 + c1*v"
 
 

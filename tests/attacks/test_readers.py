@@ -67,7 +67,7 @@ def test_damage_to_texts_and_surfaces(damage, tmp_path):
 def test_damaged_files_are_listed_or_refused_and_those_cut_off_are_refused(form, tmp_path):
     content, rng = good(form, tmp_path), np.random.default_rng(7)
     damaged = [damage(content, rng) for damage in rng.choice(np.array(DAMAGE), 1)]
-    for number, changed in enumerate([*damaged, content[: len(content) // 3], content[:-3]]):
+    for number, changed in enumerate([*damaged, content[:-3]]):
         path, fault, entries = tmp_path / f"{number}{ENDINGS[form]}", "", ()
         path.write_bytes(changed)
         try:

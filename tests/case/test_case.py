@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen import Law, SimulatedTest, make_element
+from rsgen import Law, make_element
 from rsgen.cases.case import case_schema, law_faults
 from rsgen.cases.loading import find_cases, load_case
 from rsgen.cases.tables import path_fault
@@ -165,19 +165,6 @@ def test_folders_are_searched_for_cases(tmp_path):
         find_cases([tmp_path / "empty"])
     with pytest.raises(CaseError, match="does not exist"):
         find_cases([tmp_path / "none.toml"])
-
-
-def test_grids(tmp_path):
-    def levels(text: str) -> list[float]:
-        test = load_case(write(tmp_path, good(level=text))).test
-        assert isinstance(test, SimulatedTest)
-        return list(test.level)
-
-    assert levels("{ start = 1, stop = 3, count = 3 }") == [1, 2, 3]
-    assert levels('{ start = 1, stop = 100, count = 3, spacing = "log" }') == pytest.approx([1, 10, 100])
-    assert levels("{ values = [1, 2.5, 7] }") == [1, 2.5, 7]
-    assert levels('{ values = ["1 N", "2 kN"] }') == [1, 2000]
-    assert levels("{ start = 2, stop = 2, count = 1 }") == [2]
 
 
 # ids of entries about keys of a case, not about names of parameters

@@ -401,17 +401,6 @@ def test_what_occurs_twice_has_the_numbers_of_the_whole(text):
             assert number == pytest.approx(float(whole.subs(values).evalf()), rel=1e-12)
 
 
-def test_no_function_is_evaluated_anew(monkeypatch):
-    formula = parse("atan(k*x)*b + sin(k*x)*atan(k*x)")
-
-    def evaluated(*arguments: object) -> None:
-        raise AssertionError("a formula was evaluated")
-
-    monkeypatch.setattr(sympy.atan, "eval", evaluated)
-    value = compiled((formula,), ARGUMENTS)(0.5, 2.0, 3.0)[0]
-    assert value == pytest.approx((3 + np.sin(1.0)) * np.arctan(1.0))
-
-
 NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
 
 

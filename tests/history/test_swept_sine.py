@@ -223,7 +223,7 @@ def test_a_correction_that_is_in_doubt_doubts_the_result(pace, wrong, severity, 
     assert fast["pace"] == pytest.approx(pace / 0.1**2, rel=0.05) if pace < 1 else 1 < fast["pace"] < 200
 
 
-@pytest.mark.parametrize("times", [30.0, 0.01])
+@pytest.mark.parametrize("times", [30.0, pytest.param(0.01, marks=pytest.mark.thorough)])
 def test_the_correction_takes_the_mass_of_the_sweeps_where_the_given_one_has_another_unit(
     times: float,
 ) -> None:

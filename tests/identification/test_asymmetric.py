@@ -97,6 +97,7 @@ def test_a_stop_on_the_wrong_side_is_told_that_its_mirror_image_fits():
     assert 2e-3 < missed["left"] < 5e-3 < missed["misfit"]
 
 
+@pytest.mark.thorough
 def test_two_gaps_that_the_mirror_image_exchanges_are_known_by_their_mean():
     # near equal gaps the fundamental shows the square of their difference alone: leaving out either
     # term, as of a value that is not told from zero, would remove a stop that every point shows
@@ -133,7 +134,11 @@ def test_two_parameters_that_the_mirror_image_exchanges_are_recognised(law, exch
 
 
 @pytest.mark.parametrize(
-    ("levels", "others"), [((3.0,), {"both": None, "one": 2.6e4}), ((10.0,), {"both": 1.3e4, "one": 2.6e4})]
+    ("levels", "others"),
+    [
+        ((3.0,), {"both": None, "one": 2.6e4}),
+        pytest.param((10.0,), {"both": 1.3e4, "one": 2.6e4}, marks=pytest.mark.thorough),
+    ],
 )
 def test_fundamentals_tell_a_stop_on_one_side_from_stops_on_both_or_say_that_they_do_not(levels, others):
     sides = {"both": "Max(x - b, 0)", "one": "Max(x - b, 0) + Min(x + b, 0)"}

@@ -103,7 +103,12 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
 
 @pytest.mark.parametrize(
     ("shape", "name", "value", "side"),
-    [("v/vs", "vs", None, 0), ("v/vs", "vs", 2e-2, 0), ("a*v", "a", None, 1), ("a*v", "a", 50.0, 1)],
+    [
+        ("v/vs", "vs", None, 0),
+        ("v/vs", "vs", 2e-2, 0),
+        ("a*v", "a", 50.0, 1),
+        pytest.param("a*v", "a", None, 1, marks=pytest.mark.thorough),
+    ],
 )
 def test_a_friction_too_sharp_for_the_test_is_bounded_and_not_identified(shape, name, value, side):
     # a period of 64 samples does not resolve a steep tanh, and the balance is no data on how steep it is

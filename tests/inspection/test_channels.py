@@ -244,12 +244,6 @@ HEADS = {
         lambda level: (np.abs(force(level)), degrees(force(level)), *polar(acceleration("one", level) / G)),
         {"unit": "g"},
     ),
-    # units as last words
-    "last": (
-        "Linear Hz,Force N,Phase Force deg,Accel g,Phase Accel deg",
-        lambda level: (np.abs(force(level)), degrees(force(level)), *polar(acceleration("one", level) / G)),
-        {"unit": "g"},
-    ),
     # no unit at all: the user enters the quantity
     "transfer": (
         "Frequency,H(f) Tip+Z/Shaker+Z real,H(f) Tip+Z/Shaker+Z imag,Coherence,Level",

@@ -317,6 +317,10 @@ def test_a_table_with_neutral_titles_is_asked_for_quantity_unit_and_scale_of_its
     two = doubts(table(path, "f,F,u,q,phi", [row + ",7" for row in rows]))
     asked = {key for key in two if two[key].startswith("TODO") and "response" in key}
     assert asked == {"test.response.amplitude", "test.response.unit", "test.response.scale"}
+    # a peak that a title names is not asked for, one from peak to peak is
+    assert not doubts(table(path, "f (Hz),F peak (N),u pk (m),phi lead (deg)", rows))
+    twice = doubts(table(path, "f (Hz),F pk-pk (N),u peak-to-peak (m),phi (deg)", rows))
+    assert {"test.force.scale", "test.response.scale"} <= twice.keys()
     # the first case of the README has nothing to look up
     assert not doubts(Path("cases/formats/table.csv"))
 

@@ -5,23 +5,11 @@ from dataclasses import fields
 import pytest
 import sympy
 
-import rsgen
 from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.formula.names import symbol
 from rsgen.formula.reading import parse
 from rsgen.law.element import Element, Law, as_elements, laws, make_element
-
-
-def test_a_formula_is_a_law():
-    law = Law("k*x + k3*x**3 + c*v + Ff*sign(v)")
-    assert law.parameters == ("Ff", "c", "k", "k3")
-    assert law.force == parse(law.formula)
-    assert law.element("joint", {"Ff": "F2"}).parameters == ("F2", "c", "k", "k3")
-    assert law.element().name == "law"
-    assert rsgen.Law is Law
-    assert rsgen.laws is laws
-
 
 SUMMANDS = (Law("k*x"), "c*v", make_element("friction", "Ff*sign(v)"), laws["cubic-spring"])
 

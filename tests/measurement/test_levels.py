@@ -221,13 +221,6 @@ def test_a_level_is_held_out_by_its_label(tmp_path, asked, held):
     assert [f["level"] for f in said] == ([held] if asked == 2 else [])
 
 
-def test_what_is_no_label_and_no_level_is_refused_with_both(tmp_path):
-    rule = LevelRule(name="{level}.csv", unit="label")
-    surface = read_measurement(of_files(tmp_path, LABELLED, level=rule))
-    with pytest.raises(RsgenError, match=r"no level 5 N .* 2 \(label 1\), 4 \(label 2\), 6 \(label 3\) N"):
-        rsgen.identify(surface, "k*x + c*v", Observation(hold_out=(5,)))
-
-
 def test_records_are_held_out_by_their_labels():
     lines = np.ones((3, 1, 4), complex)
     spectra = MultisineSpectra([2.0, 4.0, 6.0], 1.0, lines, lines, label=[1, 2, 3])

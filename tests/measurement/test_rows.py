@@ -38,14 +38,6 @@ def text(path: Path, lines: str) -> Path:
     return path
 
 
-def test_a_header_that_repeats_is_passed_over_and_counted(tmp_path):
-    path = text(tmp_path / "a.csv", "f,F,x\n1,1,2\n2,1,3\nf,F,x\n1,5,2\n2,5,3\n--- end, by hand\n")
-    surface = read(path)
-    assert surface.frequency.tolist() == [1, 2, 1, 2]
-    assert surface.levels.tolist() == [1, 5]
-    assert rows_found(surface) == {"words": {"rows": 2, "line": 4}}
-
-
 @pytest.mark.parametrize("gap", ["NA", "nan", "", "n/a", "-", "overload", "#N/A", "-inf"])
 def test_rows_with_gaps_are_left_out_and_counted(tmp_path, gap):
     path = text(tmp_path / "a.csv", f"f,F,x\n1,1,2\n2,1,{gap}\n3,{gap},{gap}\n4,1,2\n")

@@ -302,6 +302,7 @@ def swept_with_drag() -> ResponseSurface:
     return measured(X.real, omega.real, force)
 
 
+@pytest.mark.thorough
 def test_the_order_of_the_damping_is_chosen_with_noise_on_both_sides():
     # by a linear balance 1 % of noise chose another order, and 13 of 20 intervals had the damping
     exact, at = swept_with_drag(), np.array([1.85e-3, 2.4e-3, 3.2e-3, 4.5e-3])

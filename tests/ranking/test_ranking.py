@@ -132,7 +132,12 @@ def _stopped(harmonics: int) -> ResponseSurface:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("harmonics", "seen"),
-    [(1, [1, 1]), (1, [np.nan, 1]), (3, [1, 1, 1, 1]), (3, [np.nan, 1, -1, 1])],
+    [
+        (1, [1, 1]),
+        pytest.param(1, [np.nan, 1], marks=pytest.mark.thorough),
+        (3, [1, 1, 1, 1]),
+        (3, [np.nan, 1, -1, 1]),
+    ],
     ids=["fundamentals", "without their mean", "harmonics", "from the other end by an accelerometer"],
 )
 def test_a_stop_beyond_a_small_gap_on_one_side_is_found(harmonics: int, seen: list[float]) -> None:
@@ -166,10 +171,12 @@ _STOP = {"k": 4.1e4, "c": 6.2, "kg": 2.6e4, "b": 3e-4}, 1.85, (20, 29)
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("law", "of", "force", "found"), [
-    ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 1.5, {"dead-zone"}),
+    pytest.param(
+        "Max(x - b, 0) + Min(x + b, 0)", _GAPS, 1.5, {"dead-zone"}, marks=pytest.mark.thorough
+    ),
     ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 2.0, {"dead-zone"}),
     ("Max(x - b, 0)", _GAPS, 1.5, {"one-sided-stop"}),
-    ("Max(x - b, 0)", _STOP, 6.0, {"one-sided-stop"}),
+    pytest.param("Max(x - b, 0)", _STOP, 6.0, {"one-sided-stop"}, marks=pytest.mark.thorough),
     # the gap is a thirtieth of the amplitude
     ("Max(x - b, 0)", _STOP, 10.0, {"one-sided-stop", "dead-zone"}),
 ])  # fmt: skip
@@ -198,7 +205,7 @@ def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, fou
     # its fundamentals are those of a softening spring
     (6e4, 0, "quadratic-spring", ""),
     # nearly those of a quintic spring and a pendulum
-    (1.05e5, 0, "quadratic-spring", ""),
+    pytest.param(1.05e5, 0, "quadratic-spring", "", marks=pytest.mark.thorough),
     (6e4, -7.5e5, "cubic-spring + quadratic-spring", ""),
     # a linear spring as far as k3 - 10/9 k2^2/k tells, but for its higher orders
     (6e4, 7.5e5, "cubic-spring + quadratic-spring", ""),

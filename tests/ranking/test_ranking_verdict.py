@@ -376,6 +376,7 @@ def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() 
             assert best.endswith(f"; this test does not separate it from: odd-power-spring{named}")
 
 
+@pytest.mark.thorough
 def test_a_gap_on_both_sides_is_told_from_a_stop_on_one_by_their_own_motions():
     # along one motion without a mean both give the same fundamentals, the stop with twice the stiffness
     both, one = "k*x + kc*(Max(0, x - b) + Min(0, x + b)) + c*v", "k*x + kc*Max(0, x - b) + c*v"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import rsgen
-from rsgen.common.finding import Finding, Verdict, reach_verdict
+from rsgen.common.finding import Finding, Verdict
 from rsgen.identification.results import Identification
 from rsgen.report import sentences
 from rsgen.report.page import page_context, render_page, write_index
@@ -86,13 +86,6 @@ def test_the_first_step_is_the_one_that_matters_most():
     assert general.startswith("Compare the laws of the library and their sums")
     assert "or this law came from there" in general
     assert next_step(replace(misfit, names={"ranked": "none fits"})) == ""
-
-
-def test_a_result_prints_its_verdict_first():
-    found = found_with(DOUBT, WARNING)
-    assert found.verdict == reach_verdict((DOUBT, WARNING), summary=found.outcome)
-    assert repr(found).splitlines()[0] == "doubtful (law-does-not-fit)"
-    assert repr(found_with()).splitlines()[0] == "identified"
 
 
 @pytest.mark.slow

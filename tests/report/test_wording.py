@@ -125,17 +125,6 @@ def test_conditions_ask_for_names_numbers_and_severity(conditions, holds):
     assert _holds(Finding("a", "doubt", "", {"share": 0.0}, {"by": "phase"}), conditions) is holds
 
 
-def test_small_shares_keep_their_digits_and_no_side_is_named_that_is_not_known():
-    parts = Finding("parts-disagree", "warning", names={"parts": "halves"}, numbers={
-        "z": Quantity(5.3), "size": Quantity(1.8e-4)})  # fmt: skip
-    assert "or 0.018 % of force and response" in sentence(parts)
-    sizes = {"pull": Quantity(29.1, "N"), "push": Quantity(-15.1, "N"), "largest": Quantity(2.8e-3, "m")}
-    known = Finding("element-course", "info", numbers=sizes)
-    assert "29.1 N at 2.8 mm" in sentence(known)
-    turned = Finding("element-course", "info", numbers=sizes, names={"sides": "not known"})
-    assert "which side is which is not known" in sentence(turned)
-
-
 def test_shares_beyond_all_reason_are_one_power_of_ten():
     """A rejected law had a misfit of 5519799407336029683712.0 %."""
     assert f"{_Number(5.5197994e19):.1%}" == "5.5 × 10²¹ %"
