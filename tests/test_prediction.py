@@ -487,3 +487,11 @@ def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reac
     held = HeldOutLevel(2.5, "up", points, measured, measured, 0.0066, 0.01, 0, force=2.5)
     assert known_beyond([held], 2.5, 2e-3, 7e-4)["error"].value == 0.0066
     assert known_beyond([held], 2.5, 2e-3, 9e-4) == {}
+
+
+def test_a_held_out_label_is_no_force():
+    # labels 1, 2, 3 of levels of 2, 4 and 8 N: held out are the 4 N
+    table = surface("cubic", levels=np.array([2.0, 4.0, 8.0]))
+    labels = np.searchsorted(table.levels, table.level) + 1.0
+    found = identify(changed(table, label=labels), model("cubic", hold_out=(2.0,)))
+    assert [curve.force for curve in predict(found)] == pytest.approx([2.0, 4.0, 8.0], rel=1e-3)

@@ -13,7 +13,7 @@ from functools import partial
 from rsgen.common.finding import Finding
 from rsgen.report.sentences import CODES, NEXT_STEPS
 
-from .made_findings import SEVERITIES, Threshold, places_of_findings, texts_of
+from .made_findings import SEVERITIES, Threshold, places_of_findings, places_that_keep, texts_of
 
 _SIGN = re.compile(r"`[^`]*`|[<*$\[]")
 _FIELD = re.compile(r"\{(\w+)(?::[^}]*)?\}")
@@ -30,6 +30,7 @@ class Entry:
     sentences: tuple[str, ...]
     thresholds: tuple[str, ...]
     places: tuple[str, ...]
+    kept_by: tuple[str, ...]
     step: str
 
 
@@ -39,12 +40,15 @@ def entries() -> Iterator[Entry]:
     for code in sorted(set(CODES) - {"note"}):
         made = places[code]
         found = {severity for place in made for severity in place.severities}
+        wheres = tuple(dict.fromkeys(place.where for place in made))
+        keeping = dict.fromkeys(one for where in wheres for one in places_that_keep().get(where, ()))
         yield Entry(
             code,
             tuple(severity for severity in SEVERITIES if severity in found),
             tuple(_said(CODES[code])),
             tuple(_thresholds(one for place in made for one in place.thresholds)),
-            tuple(dict.fromkeys(place.where for place in made)),
+            wheres,
+            tuple(one for one in keeping if one not in wheres and ".app." not in one),
             " / ".join(filter(None, _said(NEXT_STEPS[code], words=False))) if code in NEXT_STEPS else "",
         )
 
@@ -99,6 +103,9 @@ def _section(one: Entry) -> str:
         ["\n".join(["Thresholds:", "", *(f"* {text}" for text in one.thresholds)])] if one.thresholds else []
     )
     parts.append(f"Made by {', '.join(f'`{place}`' for place in one.places)}.")
+    parts += (
+        [f"Kept, or acted on, by {', '.join(f'`{place}`' for place in one.kept_by)}."] if one.kept_by else []
+    )
     return "\n\n".join(parts)
 
 

@@ -2,7 +2,8 @@
 
 A threshold is a number with a name in capitals in what decides: the conditions around the finding and before
 it in the same function, its severity, what local names there were assigned, and functions of the same module
-that are asked. The reason of a threshold is the text below it.
+that are asked. The reason of a threshold is the text below it. Other functions may keep or drop what was
+made: those that decide by what the function returns.
 """
 
 from __future__ import annotations
@@ -174,6 +175,26 @@ class Source:
             value = getattr(loaded, name, None)
             if name.isupper() and isinstance(value, int | float) and not isinstance(value, bool):
                 yield Threshold(name, value, _reason(self.module, name), name in grading)
+
+
+@cache
+def places_that_keep() -> dict[str, tuple[str, ...]]:
+    """Return the functions that decide by what each function of the package returns."""
+    found = defaultdict[str, dict[str, None]](dict)
+    for path in sorted(PACKAGE.rglob("*.py")):
+        module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+        source = Source(module, ast.parse(path.read_text(encoding="utf-8")))
+        imports = [node for node in source.nodes if isinstance(node, ast.ImportFrom)]
+        homes = {one.name: str(node.module) for node in imports for one in node.names}
+        for scope in source.functions.values():
+            tests = [node.test for node in ast.walk(scope) if isinstance(node, ast.If | ast.IfExp)]
+            names = {node.id for test in tests for node in ast.walk(test) if isinstance(node, ast.Name)}
+            given = [value for name in sorted(names) for value in source.assigned(scope).get(name, ())]
+            for part in (part for tree in (*tests, *given) for part in ast.walk(tree)):
+                if isinstance(part, ast.Call) and isinstance(part.func, ast.Name):
+                    home = homes.get(part.func.id, module)
+                    found[f"{home}.{part.func.id}"][f"{module}.{scope.name}"] = None
+    return {name: tuple(places) for name, places in found.items()}
 
 
 _LIMITS = ("max", "min", "severity_of", "maximum", "minimum", "hypot")

@@ -40,8 +40,13 @@ NOISE_LIMIT_SIGMAS = 4.0
 """Standard deviations that chance exceeds to one side once in 30 000: what is farther off is no noise."""
 
 CONFIDENCE_LEVEL = 0.95
-"""Probability of every interval and band, between both ends. It also decides what is not identifiable
-(``results/estimates``) and whether the simulator fits better than the balance (``identify``)."""
+"""Probability of every interval and band, between both ends. What is decided by the width of an interval, as
+for the mass of a modal table, follows it."""
+
+SIGNIFICANCE_LEVEL = CONFIDENCE_LEVEL
+"""Probability with which chance stays nearer to zero than what is called different from it: a value
+(``not-distinct-from-zero``), halves of a test, other fits (``is_significant``; ``identify`` asks ratios of
+variances)."""
 
 CONFIDENCE_TEXT = f"{100 * CONFIDENCE_LEVEL:g} %"
 """As tables, pages and figures say it."""
@@ -88,7 +93,8 @@ RELATIVE_CHANGE_NEGLIGIBLE = 0.01
 
 MISFIT_DOUBTFUL = 0.05
 """Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
-twentieth is more than most noise, joints and sensors leave of a law that is right. With a pattern the limit
+twentieth is more than most noise, joints and sensors leave of a law that is right. From it on no offset is
+taken off a multisine (``identify_multisine``). With a pattern the limit
 is ``MISFIT_DOUBTFUL_WITH_PATTERN``, without one ``MISFIT_DOUBTFUL_WITHOUT_PATTERN``; beyond
 ``MISFIT_REJECTED`` each is an error."""
 
@@ -135,10 +141,11 @@ BALANCE_HARMONICS = 9
 laws."""
 
 MAX_SHARE_OF_OUTLIERS = 0.2
-"""At most this share of the points is excluded; if more disagree, it is the law that does not fit.
-``soundness`` rejects a result from three quarters of it on. Two other shares are none of outliers of a fit:
-points that a reader leaves out for one reason (``_MAX_SHARE_FOR_ONE_REASON`` of ``tracking``), and readings
-of one point that are always kept (``_MIN_SHARE_KEPT`` of ``repeats``)."""
+"""At most this share of the points is excluded from a fit; if more disagree, it is the law that does not fit.
+``soundness`` rejects a result from three quarters of it on. A ranking excludes fewer, at most
+``MAX_SHARE_OF_OUTLIERS_BY_CHANCE`` (``outliers_of`` of ``ranking/reference``). Two other shares are none of
+outliers of a fit: points that a reader leaves out for one reason (``_MAX_SHARE_FOR_ONE_REASON`` of
+``tracking``), and readings of one point that are always kept (``_MIN_SHARE_KEPT`` of ``repeats``)."""
 
 MIN_SHARE_PREDICTED = 0.8
 """A law, or a motion, that predicts a smaller share of the points is not compared with others."""
@@ -157,6 +164,9 @@ MAX_ALTERNATIONS = 3
 
 ROUND_OFF = 1e-12
 """An effect, relative to the largest, that is only round-off of doubles through a thousand operations."""
+
+MAX_SHIFT_TO_ERROR = 0.1
+"""Standard errors by which what is left out (harmonics, lines) may move a value."""
 
 MIN_GAIN_OF_STEP = RELATIVE_CHANGE_NEGLIGIBLE**2
 """A step that lowers the sum of squares by less, in units of the noise, moves no parameter by a hundredth of
@@ -238,8 +248,8 @@ def interval_sigmas(freedom: Any = inf) -> Any:
 
 
 def is_significant(value: Any, error: Any) -> Any:
-    """Return True where zero is outside the interval of a value with a standard error."""
-    return np.abs(value) > interval_sigmas() * error
+    """Return True where a value with a standard error differs from zero (``SIGNIFICANCE_LEVEL``)."""
+    return np.abs(value) > scipy.special.stdtrit(inf, (1 + SIGNIFICANCE_LEVEL) / 2) * error
 
 
 def f_tail(above: float, below: float, value: float) -> float:

@@ -414,8 +414,9 @@ def decisive_multiplier(along: ForceSample, mass: float, omega: Array, *, odd: b
     sample (W. Magnus, Comm. Pure Appl. Math. 7 (1954) 649, to second order). Its eigenvalues are the
     multipliers (G. Floquet, Ann. Sci. Ec. Norm. Sup. 12 (1883) 47): at a fold one of them passes 1. The
     other is returned: below -1 the period doubles; with a complex one outside the unit circle the motion
-    beats. Under an odd law a period is half of one, mirrored, twice: -1 of that half is 1 here, and beyond
-    it the motion loses its symmetry (a pitchfork). NaN where an exponential is out of range.
+    beats. Under an odd law a period is half of one, mirrored, twice, so that each multiplier is the square of
+    one of the half: -1 there is 1 here, and beyond it the motion loses its symmetry (a pitchfork). NaN where
+    an exponential is out of range.
 
     Parameters
     ----------

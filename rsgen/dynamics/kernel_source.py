@@ -171,7 +171,7 @@ _TEMPLATE = "kernel/kernel.py.j2"
 
 _FIXED_ROWS, _EVENT_ROWS, _CURVE_ROWS, _LOOSE_ROWS = 9, 4, 12, 9
 """Rows of the lane table: of every law, of those with events, of Masing laws, and of these without their
-stack; see the template."""
+stack: as many as the template names."""
 
 _MAX_COARSE_CORNERS = 4
 """Of virgin curves: of more each is slight, and every coarse step would meet several."""
@@ -384,6 +384,7 @@ def generate(
     ExpressionError
         The law holds a function that no law may use.
     """
+    # the normal form of a law with memory is that of ``memory.force``
     memory = memory_form(force)
     if memory is not None and memory.lag is not None:
         raise ExpressionError(NO_SIMULATION)
@@ -468,6 +469,9 @@ def _row_numbers(rows: MemoryRows, *, events: bool) -> dict[str, Any]:
     first = _FIXED_ROWS + (_EVENT_ROWS if events else 0)
     first_curve = first + 2 * rows.states
     return {
+        "fixed_rows": _FIXED_ROWS,
+        "event_rows": _EVENT_ROWS,
+        "curve_rows": _CURVE_ROWS,
         "deepest": DEEPEST,
         "kept": rows.names,
         "first_kept": rows.first,

@@ -11,7 +11,9 @@ damping is small. Both together (``settle``), in rounds that are twice as long e
    far away, obey it to 10 %: the motion spirals through them, and a stop or a gap in another direction could
    still lead elsewhere. Under friction whose sliders all stick, y* is first sought with the sliders held.
 3. A motion that repeats to 1e-9 has settled, whatever J is.
-4. What repeats after two periods has period two. All others are carried on.
+4. What repeats after two periods, and not after one, has period two. All others are carried on.
+
+``refine`` of ``steady_state`` judges again, with finer steps: it may find a settled motion not settled.
 
 Period map and basins of attraction: J. M. T. Thompson and H. B. Stewart, Nonlinear Dynamics and Chaos (2002);
 the rule of acceptance is rsgen's own, and tests hold it against transients of 20 000 periods.
@@ -149,7 +151,7 @@ _MAX_CHANGE_OF_REPEATED = 1e-9
 """A motion that repeats this well has arrived, whatever the Jacobian is."""
 
 _MAX_CHANGE_OF_PERIOD_TWO = 1e-6
-"""A motion that repeats after two periods this well, and not after one, has period two."""
+"""A motion that repeats after two periods this well, and after one a thousand times worse, has period two."""
 
 _MAX_GROWTH = 1.5
 """Times the amplitude at the start of a round, for which its steps are stable."""

@@ -99,12 +99,12 @@ _UNIT = re.compile(
     r"|\(?[mg]/?s?\^?2?\)?/N)\s*[\])]?"
 )
 """Unit that stands alone in a row of units below the titles."""
-_SPELLED = re.compile(r"_([munkµ]?m|in)(?:_s(2?)|s(2))\Z")
+_WITHOUT_STROKES = re.compile(r"_([munkµ]?m|in)(?:_s(2?)|s(2))\Z")
 """Names without strokes: "v_mm_s", "a_ms2"."""
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
 """A unit with its own brackets at the end of a title: "accelerance (m/s^2)/N"."""
 _BRACKETS = {")": "(", "]": "["}
-_MANNER = re.compile(r"rms|eff\.?|peak|pk|amplitude|0-?p", re.IGNORECASE)
+_KIND_OF_AMPLITUDE = re.compile(r"rms|eff\.?|peak|pk|amplitude|0-?p", re.IGNORECASE)
 """In brackets these are no units: "Kraft in N (rms)"."""
 _FUNCTION = re.compile(r"(?<![a-z])(?:re|im|real|imag|abs|mag|arg|phase|angle)\Z", re.IGNORECASE)
 """Before a bracket: "Re(H)" is the real part of H, not one in henry."""
@@ -127,7 +127,7 @@ def split_title(title: str) -> tuple[str, str]:
     >>> split_title("arg(X1)/deg"), split_title("Re (m/s^2)/N")
     (('arg(X1)', 'deg'), ('Re', '(m/s^2)/N'))
     """
-    text = _SPELLED.sub(r"_\1/s\2\3", title.rstrip())
+    text = _WITHOUT_STROKES.sub(r"_\1/s\2\3", title.rstrip())
     if quotient := _QUOTIENT.search(text):
         name = text[: quotient.start()].rstrip()
         if _FUNCTION.search(name) and not is_unit(quotient[1]):
@@ -137,7 +137,7 @@ def split_title(title: str) -> tuple[str, str]:
         return name, quotient[1]
     if begin := _opening(text):
         name, unit = text[: begin - 1].rstrip(), text[begin:-1].strip()
-        if _MANNER.fullmatch(unit):
+        if _KIND_OF_AMPLITUDE.fullmatch(unit):
             return split_title(name)
         argument = _FUNCTION.search(name) and not re.fullmatch(
             rf"{_NAMED}|°", unit.partition("/")[0].strip("( ")

@@ -31,8 +31,11 @@ from rsgen.files.signals import (
 from rsgen.formula.units import quantity, sensor_factor, sensor_unit
 
 MAX_FILES = 200
-# by hand: for a units library rad/s and Hz are both 1/s, which hides a factor of 2 pi
+
 HERTZ = {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3, "rad/s": 1 / (2 * pi), "rpm": 1 / 60}
+"""Units of frequencies in a file, which ``MeasuredTest.frequency_unit`` names again, in Hz. Those of a case
+are read by ``formula/units``, for which rad/s and rpm are rates: between these and Hz is a factor of 2 pi."""
+
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 LABEL = "label"

@@ -29,13 +29,14 @@ from rsgen.common.solvers import determined
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     HARMONIC_TRUNCATION,
-    INTERVAL_END,
     MAX_NEWTON_STEPS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MAX_SHIFT_TO_ERROR,
     MIN_MISFIT_REDUCTION,
     MISFIT_OF_NOISE,
     MISFIT_REJECTED,
     NEAR_STEPS,
+    SIGNIFICANCE_LEVEL,
     SUBSAMPLE_POINTS,
     f_quantile,
 )
@@ -70,7 +71,9 @@ _HIGHEST_HARMONICS = (BALANCE_HARMONICS, 15, 23)
 """
 
 _HARMONICS_OF_CORNERS = BALANCE_HARMONICS
-"""The same where a law has switches or a motion is far from a sine: the simulator adds what is missing."""
+"""The same where a law has switches or a motion is far from a sine: the simulator adds what is missing. It is
+below the last of ``_HIGHEST_HARMONICS``, of which the next one above it shows whether laws with memory need
+more (``_balance``)."""
 
 _FEW_HARMONICS = 5
 """Of motions near a sine under a smooth law: what they leave out follows from how they decay."""
@@ -78,9 +81,6 @@ _FEW_HARMONICS = 5
 _ACCURACIES = (1e-5, 1e-8)
 """Of the simulator inside the fit. The coarser is what a truncated waveform leaves of a law as soft as x|x|;
 the finer serves where the misfit turns out to be as small."""
-
-_SAME_VALUE = 0.1
-"""Standard errors that harmonics left out may move a value: the simulator is not asked for less."""
 
 _STEPS_IF_MISREAD = 5
 """Steps of the fit where a misreading of the channels explains the test better than any law."""
@@ -161,11 +161,12 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
             break
     if law.remembers and needs_simulator and refined.regression.sigma > _ACCURACIES[0]:
         # a memory takes the simulator hundreds of cycles to settle: more harmonics first
-        more = balance(parameters, order=_HIGHEST_HARMONICS[1])
+        higher = min(more for more in _HIGHEST_HARMONICS if more > order)
+        more = balance(parameters, order=higher)
         share = len(few.observed.points) / len(points)
         needs_simulator = not _alike(refined.regression, more.regression, share)
         if not needs_simulator:
-            refined, order, parameters = more, _HIGHEST_HARMONICS[1], more.regression.parameters
+            refined, order, parameters = more, higher, more.regression.parameters
     noise = refined.regression.sigma
     needs_simulator |= law.switched and noise < _ACCURACIES[0]
     needs_simulator &= noise > _ACCURACIES[-1]
@@ -195,7 +196,7 @@ def _has_all_harmonics(found: Fit, order: int, count: int) -> bool:
 
 
 def _alike(one: Regression, other: Regression, share: float) -> bool:
-    """Return True if more harmonics predict all points, with the same values within a tenth of their errors.
+    """Return True if more harmonics predict all points, and move no value (``MAX_SHIFT_TO_ERROR``).
 
     ``share`` of the points were fitted; the errors are those of all.
     """
@@ -204,7 +205,7 @@ def _alike(one: Regression, other: Regression, share: float) -> bool:
     error = np.sqrt(np.diag(one.covariance) * share)
     moved = np.abs(one.parameters - other.parameters)
     known = np.isfinite(error) & (error > 0)
-    return bool(known.any() and np.all(moved[known] < _SAME_VALUE * error[known]))
+    return bool(known.any() and np.all(moved[known] < MAX_SHIFT_TO_ERROR * error[known]))
 
 
 def _refit_with_simulator(balanced: Fit) -> Fit:
@@ -236,7 +237,7 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]
     # beyond chance a worse fit follows other branches
     freedom = refitted.regression.freedom
-    by_chance = f_quantile(freedom, freedom, INTERVAL_END)
+    by_chance = f_quantile(freedom, freedom, (1 + SIGNIFICANCE_LEVEL) / 2)
     return refitted if misfit[0] ** 2 <= by_chance * misfit[1] ** 2 else balanced
 
 

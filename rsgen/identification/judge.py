@@ -3,8 +3,8 @@
 The covariance of the parameters is built up in this order (``errors_of``), each step at least as wide as the
 one before:
 
-1. C = s^2 (J^T J)^-1, or the sandwich where it is wider, with the noise s found in the misfit
-   (``summarise``).
+1. C = s^2 (J^T J)^-1, or the sandwich where it is wider, with the noise s found in the misfit; of sweeps and
+   decays the sandwich (``summarise``).
 2. Where points were measured repeatedly, the scatter of their readings, if that is more (``repeats``).
 3. What neighbours have in common and scatter does not show: errors that a surface states of its points, and
    the lag that a phase-locked loop was assumed to hold.

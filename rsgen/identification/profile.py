@@ -36,6 +36,7 @@ from rsgen.common.text_table import Printed, TextTable, short
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     CONFIDENCE_TEXT,
+    MAX_SHIFT_TO_ERROR,
     MISFIT_OF_NOISE,
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
@@ -82,9 +83,6 @@ _STEP_RATIO = 2.0
 
 _STEEPER = 0.25
 """Factor of a nonlinear value, or its inverse, at which a law must differ for that side to have an end."""
-
-_SAME_VALUE = 0.1
-"""Standard errors that lines of the motion left out may move the values."""
 
 _RESOLVING_LINES = 4
 """Lines, relative to those recorded, that show most smooth laws at a quarter of the cost of all."""
@@ -364,7 +362,7 @@ def is_resolved(fit: LineFit, steep: LineFit) -> bool:
         parameters[list(fit.law.nonlinear)] *= factor
         longer, own = (one.linearise(parameters, fit.nuisance).residual for one in (steep, fit))
         moved = fit.regression.basis.T @ np.einsum("nkq,nk->q", slopes, longer - own)
-        if np.linalg.norm(moved) > _SAME_VALUE:
+        if np.linalg.norm(moved) > MAX_SHIFT_TO_ERROR:
             return False
     return True
 

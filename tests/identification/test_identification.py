@@ -1,5 +1,6 @@
 """Laws identified from their own surfaces: exact values, resonances, what is left out, what is refused."""
 
+import importlib
 from math import isnan
 
 import numpy as np
@@ -10,6 +11,7 @@ from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.resonance import find_resonances
+from tests.pins.grids import joint_law, small_joint
 from tests.surfaces import (
     LAWS,
     changed,
@@ -260,3 +262,18 @@ def test_a_level_that_ends_before_its_resonance_has_none():
     harmonics[-1] *= harmonics[-2, 1] / harmonics[-1, 1] * 0.99
     found, _ = find_resonances(select_points(changed(table, harmonics=harmonics), model("cubic")), 1.5)
     assert found == ()
+
+
+def test_more_harmonics_of_a_law_with_memory_are_more_than_those_of_its_corners(monkeypatch):
+    # each order is compared with the next one, also where a fit begins with the second of them
+    module, orders = importlib.import_module("rsgen.identification.identify"), []
+    fit_balance = module.fit_balance
+
+    def recorded(*arguments, order, **options):
+        orders.append(order)
+        return fit_balance(*arguments, order=order, **options)
+
+    monkeypatch.setattr(module, "fit_balance", recorded)
+    monkeypatch.setattr(module, "_HARMONICS_OF_CORNERS", 15)
+    identify(small_joint("jenkins", 0.01), joint_law("jenkins"))
+    assert orders[:2] == [15, 23]

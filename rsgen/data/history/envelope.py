@@ -79,7 +79,8 @@ def displacement_harmonics(
 WINDOW_PERIODS = 10.0
 """Periods in a window: the shortest whose taper separates the harmonics by 100 dB."""
 REFERENCE_PASSES = 4
-"""Passes in which the frequency that was found is the next reference; each squares the error."""
+"""Passes over a record: the envelope is fitted about a reference, a phase over time, and the phase that is
+found is the next reference. Each pass squares the error (``decay``, ``tracking``)."""
 _SUMS_PER_PERIOD = 8
 """Of the highest harmonic, to which finer samples are added up: four times the Nyquist rate."""
 _LENGTHS_PER_OCTAVE = 16

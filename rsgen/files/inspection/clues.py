@@ -163,7 +163,7 @@ _NO_UNIT = ("", "-", "1", "%")
 
 _UNITS = ("unit", "units", "Unit", "Units")
 _NAMES = ("name", "Name", "SignalName", "ChannelName", "channel_name", "label", "Label", "Title")
-_SPELLED = (
+_SPELLINGS = (
     (re.compile(r"(?i)newtons?"), "N"),
     (re.compile(r"(?i)hertz"), "Hz"),
     (re.compile(r"g's|gs|gn|G"), "g"),
@@ -202,7 +202,7 @@ def plain_unit(unit: str) -> str:
     ['N', 'g', 'm/s^2', 'm/s^2', 'mm']
     """
     text = unit.strip()
-    return next((plain for pattern, plain in _SPELLED if pattern.fullmatch(text)), unit)
+    return next((plain for pattern, plain in _SPELLINGS if pattern.fullmatch(text)), unit)
 
 
 def split_within(title: str) -> tuple[str, str]:

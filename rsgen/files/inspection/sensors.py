@@ -50,7 +50,7 @@ class Sensor:
 
 _TOKEN = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèçµφϕ]+|[A-ZÄÖÜ]+(?![a-z])|\d+")
 """Words of a title: "accTip_1" has acc, tip, 1."""
-_MANNER = re.compile(
+_OF_NO_CHANNEL = re.compile(
     r"phas(?:e|en|enwinkel)?|phs|pha|phi|φ|ϕ|lag|lead|arg|ang(?:le)?|winkel|deg(?:rees?)?|rad"
     r"|ampl?(?:itude)?|mag(?:nitude)?|abs|betrag|value|wert|peak|pk|rms|eff|of|von|the|in|signal"
     r"|re(?:al)?|im(?:ag)?(?:inary)?|part|teil"
@@ -73,7 +73,7 @@ def words_of(entry: Entry) -> tuple[str, ...]:
     behind = [word.casefold() for word in _TOKEN.findall(unit)] if name == title else []
     if behind and words[-len(behind) :] == behind:
         words = words[: -len(behind)]
-    return tuple(word for word in words if not _MANNER.fullmatch(word))
+    return tuple(word for word in words if not _OF_NO_CHANNEL.fullmatch(word))
 
 
 _MAX_NAME_LENGTH = 30

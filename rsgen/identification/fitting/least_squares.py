@@ -248,8 +248,8 @@ def fit(
     rules
         Control of each descent.
     exclude
-        True if outliers are excluded, with a new descent after each exclusion; at the end all points are
-        tried once more.
+        True if outliers are excluded, with a new descent after each of at most four exclusions; at the end
+        all points are tried once more.
     neighbours
         (k, 2) neighbours in the test. If outliers are neighbours the law is wrong, and none is excluded.
     used
@@ -470,9 +470,10 @@ def _least_squares(matrix: Array, right: Array) -> Array:
 
 
 def _agreeing(place: Place, rules: Rules, used: Mask, neighbours: NDArray[np.intp] | None) -> Mask:
-    """Return the mask of points without outliers, which are at most a fixed share.
+    """Return the mask of points without outliers, which are at most ``MAX_SHARE_OF_OUTLIERS``.
 
-    One outlier pulls the fit off its neighbours: outliers that are neighbours are judged again after a step
+    They are farther than one point in a thousand tests by chance, and than ``_MIN_OUTLIER_MISFIT``. One
+    outlier pulls the fit off its neighbours: outliers that are neighbours are judged again after a step
     without them. Where outliers are neighbours after two rounds, the law is wrong: none is excluded.
     """
     line = place[2]
@@ -510,6 +511,7 @@ def summarise(
     The noise ``sigma`` of a single row is the root of the sum of squares over the degrees of freedom: rows
     less nuisances less free parameters that the rows determine. The covariance is that of equal noise of this
     size, widened where the sandwich estimate is larger; with ``rules.record`` it is the sandwich estimate.
+    The slopes times ``inverse``, the second result of ``Rules.solve``, are orthonormal: ``Regression.basis``.
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     residual, matrix = eliminate(line)

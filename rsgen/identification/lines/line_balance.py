@@ -60,7 +60,7 @@ _EXTENSION_BY_SWITCHES, _MAX_LINES = 16, 16384
 the velocity at a jump falls with their number."""
 
 _MIN_INERTIA_TO_STIFFNESS = 3.0
-"""The fixed-point iteration of a line above the record converges by this ratio a step."""
+"""The fixed-point iteration of a line above the highest clear one converges by this ratio a step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -319,11 +319,11 @@ class LawAlongRecord:
 
         (m s^2 + c s + k) dX_h = F_h - m s^2 X_h - N_h(X),    k, c the mean slopes of the law,
 
-    below the lowest clear line and above the record: the balance is repeated with X + dX until X no longer
-    changes (``_solve_lines``, on construction). ``mean`` is the law along this motion. Computed lines of a
-    period are those of the mean motion, the low ones plus the response of the linearised law to the
-    difference of the two forces. The slopes of the balance contain what a parameter moves of the computed
-    lines and of the mean (``_motion_slopes``, ``_with_mean``).
+    below the lowest clear line and above the highest one, those above the record included: the balance is
+    repeated with X + dX until X no longer changes (``_solve_lines``, on construction). ``mean`` is the law
+    along this motion. Computed lines of a period are those of the mean motion, the low ones plus the response
+    of the linearised law to the difference of the two forces. The slopes of the balance contain what a
+    parameter moves of the low computed lines and of the mean (``_motion_slopes``, ``_with_mean``).
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, values: Array, mass: float, record: int) -> None:

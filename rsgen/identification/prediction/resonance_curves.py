@@ -87,7 +87,7 @@ def predict(
         no law and end at its largest amplitude.
     levels
         Amplitudes of the force [N], or of the acceleration [m/s^2] of a driven base; None: those near the
-        resonances of the fitted levels and, with a surface, of the held-out ones.
+        resonances of the fitted and the held-out levels.
     surface
         Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
         is predicted, None: those of the held-out levels; curves, under a sine, only of ``levels`` asked for.
@@ -222,15 +222,10 @@ def _levels(
 
 def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> list[float]:
     """Return the forces [N] of the held-out levels; none for a test with response control."""
-    if found.curve.level_unit == "m" and (surface is None or not surface.base):
-        return []
-    if surface is None and found.curve.level_unit != "N":
-        return []
     if surface is None:
-        # labels are no forces
-        tested = np.unique(found.curve.level)
-        meant = [match_level(tested, level) for level in found.model.observation.hold_out]
-        return [level for level in meant if level is not None]
+        return [one.force for one in found.held_out if isinstance(one, HeldOutLevel) and isfinite(one.force)]
+    if surface.response_held:
+        return []
     held_out = np.unique(surface.level[surface.held_out(found.model.observation.hold_out)])
     forces = typical_amounts(surface)[np.isin(surface.levels, held_out)]
     return [float(force) for force in forces if isfinite(force)]

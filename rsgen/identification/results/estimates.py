@@ -23,6 +23,7 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
     interval_sigmas,
+    is_significant,
     samples_for,
 )
 from rsgen.data.oscillator import Model
@@ -327,7 +328,7 @@ class _Reasons:
         """Return why a parameter is not identifiable; None where it is.
 
         In this order: the points do not determine it (a null vector), alone or but for a combination with
-        others; it is less than 1.96 standard errors (``interval_sigmas`` of the normal distribution, which is
+        others; it does not differ from zero beyond chance (``is_significant``: the normal distribution is
         narrower than the stated interval where few degrees of freedom are left). An interval by likelihood
         without zero lifts the latter (``profile``).
         """
@@ -343,7 +344,7 @@ class _Reasons:
                 return Finding("confounded", "warning", name, numbers, {"with": others, **known})
             return Finding("no-effect", "warning", name, self.tested)
         error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
-        if np.isfinite(error) and interval_sigmas() * error > abs(value):
+        if np.isfinite(error) and not is_significant(value, error):
             unit = self.units[name]
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
             return Finding("not-distinct-from-zero", "warning", name, numbers)

@@ -11,8 +11,9 @@ the term is another law (a gap that is never reached). In this order (``search_n
 
 1. From values near the solution (``begin``) only a descent.
 2. Trials over all windows on a few points; linear parameters, factors and mass are solved for in each.
-3. Descents in the logarithms from the best trials that are no neighbours, and from one scan along each
-   parameter. A law with memory has more starts, which descend on few points first.
+3. Descents in the logarithms from the best trials that are no neighbours. With more than one parameter also
+   from where ``_SCANS`` scans lead, each along one parameter after the other. A law with memory has more
+   starts, which descend on few points first.
 4. Of solutions that fit equally one whose linear columns depend on each other more than those of the best (a
    null space with one more dimension, at least), such as a gap that is not reached: it shows what the test
    does not determine. Candidates are the trials of step 2 that fit equally on their few points, and the best
@@ -20,8 +21,8 @@ the term is another law (a gap that is never reached). In this order (``search_n
    They are asked in the order of their negative signs, fewest first, and then of their largest value; the
    first that fits is taken (``least_determined``).
 5. Negative signs of it are turned one by one, where that fits equally (``with_signs_turned``).
-6. Values of more than ten times the motion become ten times it, where that fits equally
-   (``near_the_motion``).
+6. Values of more than ten times their ``natural`` size, at which a parameter acts along the largest motion,
+   become ten times it, where that fits equally (``near_the_motion``).
 7. If one is still negative: the first equal end of descents from the best trials of which all values are
    positive. This end is not bounded as in step 6.
 8. Groups are multiplied by their factors (``scaled``).
@@ -151,7 +152,7 @@ class _EqualTrials:
         return best
 
     def near_the_motion(self, best: Array) -> Array:
-        """Bound values by ten times the motion, to which a gap beyond it is equal, above round-off."""
+        """Bound values by ten times their ``natural`` size: a gap beyond it is equal but for round-off."""
         for place in self._search.free:
             trial = np.array(best)
             trial[place] = np.sign(best[place]) * 10 * self._search.natural[place]
@@ -163,6 +164,7 @@ class _EqualTrials:
 def _inactive_switch_trials(best: Array, windows: list[Array], unit_members: list[int]) -> list[Array]:
     """Return trials with one parameter at an end of its window, where its switch hardly acts.
 
+    They are made of the best, and of the best with positive ``unit_members``, which itself is the first.
     Where such a trial fits as well, the test does not show the switch.
     """
     positive = np.array(best)
@@ -411,7 +413,7 @@ def _descend(
 ) -> tuple[Array, float]:
     """Descend in the logarithms of the free parameters; return the end, and its sum of squares.
 
-    ``to`` is the relative change of the parameters at which it ends; signs are kept.
+    ``to`` is the relative change of the parameters at which it ends, or after 25 evaluations; signs are kept.
     """
     from scipy.optimize import least_squares
 
@@ -445,7 +447,7 @@ def search_values(residual: Callable[[Array], Array], windows: Sequence[Array], 
 
 
 def _separate(ordered: Array, most: int) -> list[Array]:
-    """Return the best trials that are not neighbours of a better one."""
+    """Return the best trials that are not neighbours of a better one: all values within 15 %, of one sign."""
     ends: list[Array] = []
     for trial in ordered:
         near = any(
