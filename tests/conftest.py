@@ -1,9 +1,15 @@
 """What the tests of several packages share: small surfaces, noise, the command line, measured data."""
 
+import io
+import json
 import os
 import signal
+import sys
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import patch
 
 import pytest
 from hypothesis import settings
@@ -14,6 +20,7 @@ from rsgen.common.process import single_thread
 single_thread()
 
 from rsgen.app.cli import main  # noqa: E402
+from rsgen.files import sandbox  # noqa: E402
 from rsgen.identification.ranking.library_sums import library_terms  # noqa: E402
 
 # examples of a property in `make test` and in `make test-all`, the same in every run
@@ -40,6 +47,27 @@ def few_laws(monkeypatch):
     terms = tuple(term for term in library_terms() if term.name in FEW)
     assert len(terms) == len(FEW)
     monkeypatch.setattr("rsgen.identification.ranking.selection.library_terms", lambda: terms)
+
+
+class _ReadingHere(sandbox._Process):
+    """In place of the confined process: its program, in this process and without limits."""
+
+    def __init__(self, file: Any, name: str, order: dict[str, Any], seconds: float) -> None:
+        self.name, said = name, io.BytesIO()
+        streams = {name: SimpleNamespace(buffer=of) for name, of in (("stdin", file), ("stdout", said))}
+        with patch.multiple(sys, argv=["", json.dumps(order)], **streams), patch.object(sandbox, "confine"):
+            sandbox.main()
+        said.seek(0)
+        self.process: Any = SimpleNamespace(stdout=said)
+
+    def __exit__(self, *_: object) -> None:
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def read_here(monkeypatch):
+    """Binary files are read in this process: for tests of what they hold, not of how it is read."""
+    monkeypatch.setattr(sandbox, "_Process", _ReadingHere)
 
 
 @dataclass(frozen=True)

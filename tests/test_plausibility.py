@@ -196,6 +196,7 @@ def test_a_response_of_another_quantity_is_recognised(tamper, found, noise):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["bouc_wen", "f16", "wire"])
+@pytest.mark.usefixtures("read_here")
 def test_measured_tests_are_not_doubted(name, measured_data):
     folder = measured_data(name).parent
     case = rsgen.load_case(Path(__file__).parent / "cases" / f"{name}.toml", data=folder)

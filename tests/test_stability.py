@@ -36,6 +36,7 @@ def test_files_of_every_schema_are_kept():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("version", "case"), RESULTS)
+@pytest.mark.usefixtures("read_here")
 def test_an_earlier_surface_is_read(version, case):
     surface = rsgen.load_surface(HERE / version / case / "surface.h5")
     result = json.loads((HERE / version / case / "result.json").read_text(encoding="utf-8"))
@@ -63,6 +64,7 @@ def test_an_earlier_case_means_the_same(version, case):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("read_here")
 def test_an_earlier_surface_is_identified():
     folder = HERE / VERSIONS[0] / SMALL
     case = rsgen.load_case(folder / "case.toml")

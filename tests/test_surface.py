@@ -56,6 +56,7 @@ def assert_same(one: ResponseSurface, two: ResponseSurface) -> None:
 @pytest.mark.slow
 @settings(max_examples=8)
 @given(seed=st.integers(0, 2**31), n=st.integers(1, 40), harmonics=st.integers(1, 9))
+@pytest.mark.usefixtures("read_here")
 def test_saving_and_loading_is_the_identity(tmp_path_factory, seed, n, harmonics):
     path = tmp_path_factory.mktemp("surface") / "surface.h5"
     surface = random_surface(seed, n, harmonics)

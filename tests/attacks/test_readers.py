@@ -41,6 +41,7 @@ def test_every_format_is_attacked():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", [form for form in ENDINGS if form not in ("uff", "surface")])
+@pytest.mark.usefixtures("read_here")
 def test_good_files_are_read(form, tmp_path):
     """What is tampered with is whole before: an attack that meets a broken file shows nothing."""
     path = tmp_path / f"a{ENDINGS[form]}"

@@ -224,6 +224,7 @@ def test_a_correction_that_is_in_doubt_doubts_the_result(pace, wrong, severity, 
 
 
 @pytest.mark.parametrize("times", [30.0, pytest.param(0.01, marks=pytest.mark.thorough)])
+@pytest.mark.usefixtures("read_here")
 def test_the_correction_takes_the_mass_of_the_sweeps_where_the_given_one_has_another_unit(
     times: float,
 ) -> None:

@@ -23,6 +23,8 @@ from rsgen.files.plan import Layout
 from rsgen.files.text_columns import TextLines, read_columns
 from tests.inspection.drafts import FREQUENCY, RECEPTANCE, drafted
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
 MEASURED = sorted(

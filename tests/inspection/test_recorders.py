@@ -10,7 +10,7 @@ import scipy.signal
 
 from tests.inspection.drafts import drafted, read_draft
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("read_here")]
 
 MASS, DAMPING, STIFFNESS = 1.5, 8.0, 6000.0
 FREQUENCY = np.linspace(7.0, 13.0, 25)

@@ -12,6 +12,8 @@ from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest, SweepRule
 from rsgen.files.signals import Channel
 from tests.surfaces import severities
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 FREQUENCY = np.linspace(8, 12, 41)
 OMEGA = 2 * np.pi * FREQUENCY
 RECEPTANCE = np.abs(1 / (5920 - 1.5 * OMEGA**2 + 7.5j * OMEGA))

@@ -17,6 +17,8 @@ from tests.case_files import MEASURED, Changes, write_small
 from tests.oracles.swept import sweep
 from tests.surfaces import codes
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 def motion(first: int, **keys: object) -> dict[str, object]:
     return {"quantity": "acceleration", "real": first, "imaginary": first + 1, "phase_sense": "lead", **keys}

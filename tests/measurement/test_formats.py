@@ -90,6 +90,7 @@ def table_of_a_sheet(units: bool) -> list[list[Any]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("units", [True, False], ids=["row of units", "units in titles"])
+@pytest.mark.usefixtures("read_here")
 def test_a_workbook_in_inches_and_pounds(tmp_path, run_cli, units):
     openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
     book = openpyxl.Workbook()
@@ -110,6 +111,7 @@ def test_a_workbook_in_inches_and_pounds(tmp_path, run_cli, units):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("read_here")
 def test_sheets_are_levels(tmp_path, run_cli):
     """A formula without the value that Excel stores, and texts in place of numbers, are said."""
     openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
@@ -132,6 +134,7 @@ def test_sheets_are_levels(tmp_path, run_cli):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("read_here")
 def test_a_tdms_file_in_kilonewton_and_g(tmp_path, run_cli):
     nptdms = pytest.importorskip("nptdms", reason="no nptdms here: install rsgen[tdms]")
     path = tmp_path / "a.tdms"

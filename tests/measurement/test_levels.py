@@ -19,6 +19,8 @@ from rsgen.files.plan import LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from tests.surfaces import severities
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 FREQUENCY = np.linspace(8, 12, 41)
 MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5
 HELD = np.linspace(1e-3, 12e-3, 8)

@@ -51,6 +51,7 @@ def surface_of(name: str) -> ResponseSurface:
 @pytest.mark.parametrize(("name", "digits"), [
     ("csv-table", PRINTED), ("mat-v73", ROUND_OFF), ("npz-matrix", ROUND_OFF), ("uff-frf", 1e-11),
 ])  # fmt: skip
+@pytest.mark.usefixtures("read_here")
 def test_every_format_gives_the_same_surface(name, digits):
     reference, surface = surface_of("mat-struct"), surface_of(name)
     np.testing.assert_allclose(surface.frequency, reference.frequency, rtol=1e-12)
@@ -78,6 +79,7 @@ def tree(path: Path) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", [".mat", ".h5", ".npz"])
+@pytest.mark.usefixtures("read_here")
 def test_addresses(tmp_path, ending):
     path = tree(tmp_path / f"tree{ending}")
     wanted: list[int | str] = ["f", "A[2]", "A[:,2]", "A[1,:]", "s/in/f", "q[2,:]"]
@@ -94,6 +96,7 @@ def test_addresses(tmp_path, ending):
     ("A[0]", "no channel 0"), ("q[1]", "is square; write"), ("s/in/name", "is a text"),
     (2, "a number alone is for tables"),
 ])  # fmt: skip
+@pytest.mark.usefixtures("read_here")
 def test_wrong_addresses_are_named(tmp_path, address, message):
     path = tree(tmp_path / "tree.mat")
     with pytest.raises(MeasurementError) as caught:
@@ -111,6 +114,7 @@ def measured(path: Path, **keys: Any) -> MeasuredTest:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("read_here")
 def test_sides_of_a_matrix_become_rows(tmp_path):
     path = tmp_path / "grid.npz"
     f, force = np.array([5.0, 6.0, 7.0]), np.array([1.0, 2.0])
@@ -130,6 +134,7 @@ def test_sides_of_a_matrix_become_rows(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("read_here")
 def test_entries_must_have_every_column(tmp_path):
     path = tmp_path / "runs.h5"
     with h5py.File(path, "w") as file:
@@ -149,6 +154,7 @@ def test_entries_must_have_every_column(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("read_here")
 def test_level_stands_in_the_name(tmp_path):
     path = tmp_path / "run_2.5kN.npz"
     np.savez(path, f=[1.0], x=[4.0])

@@ -17,6 +17,8 @@ from rsgen.files.histories import read_histories
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
 CSV = {
@@ -109,7 +111,7 @@ def test_a_rate_beside_instants_must_be_theirs(tmp_path):
     ("zeit_ms", 1000 / 64, 32.0, True), ("time", 1000 / 64, 64.0, False), ("time", 1 / 64, 128.0, True),
     ("t [s]", 0.0, 16.0, False), ("level", 1 / 64, 16.0, False),
 ])  # fmt: skip
-@pytest.mark.parametrize("ending", [".csv", pytest.param(".npz", marks=pytest.mark.thorough)])
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
 def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step, rate, doubted, ending):
     """A rate of 1000 Hz beside instants of 2000 Hz passed, with a stiffness four times too small."""
     path = tmp_path / f"a{ending}"

@@ -17,6 +17,8 @@ from rsgen.files.plan import Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.files.text_columns import read_columns
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 def read(path: Path, frequency: int | str = "f", response: tuple[Path, ...] = (), **more: Any):
     signals = Channel(amplitude="F", unit="N"), Channel(amplitude="x", files=response, unit="m")

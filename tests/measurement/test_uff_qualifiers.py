@@ -14,7 +14,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
 from tests.inspection.drafts import drafted
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("read_here")]
 
 pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
 

@@ -14,7 +14,7 @@ from rsgen.files.inspection.listing import list_contents
 from tests.case_files import MEASURED, write_small
 from tests.inspection.drafts import drafted
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("read_here")]
 
 FREQUENCY = np.linspace(8.0, 12.0, 41)
 OMEGA = 2 * np.pi * FREQUENCY
