@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
 from rsgen import SimulatedTest, identify, make_element, sentence, simulate
 from rsgen.data.history import SweepLaw, from_swept_sine
 from rsgen.data.oscillator import Model, Observation, Oscillator
+from rsgen.describing.derivation import derive
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
 from rsgen.identification.prediction.prediction_result import known_beyond
@@ -450,6 +452,30 @@ def test_each_point_of_a_curve_has_the_force_of_its_level(monkeypatch):
         curve = predict(STOP, [level], band=(15.0, 90.0))[level]
         assert np.abs(np.abs(np.concatenate(seen)) / level - 1).max() < 1e-5
         assert np.all(np.diff(curve.frequency[: int(np.nanargmax(curve.amplitude))][:20]) > 0)
+
+
+@pytest.mark.parametrize(("law", "values", "level"), [
+    ("k*x + c*v + masing(Min(kt*x, Fs))", {"k": 30004.0, "c": 4.989, "kt": 13990.0, "Fs": 1.9959}, 1.5),
+    ("k*x + c*v + c2*v*abs(v)", {"k": 6000.0, "c": 4.0, "c2": 40.0}, 10.0),
+    ("k*x + c*v + Ff*sign(v)", {"k": 30000.0, "c": 5.0, "Ff": 0.8}, 2.0),
+])  # fmt: skip
+def test_a_curve_is_closed_over_its_peak_however_the_loss_depends_on_frequency(law, values, level):
+    """The sides met where a loss that grows with the frequency needs the least force: a gap of others."""
+    oscillator = Oscillator(1.2998, law, values)
+    curve = predict(oscillator, [level])[level]
+    assert not curve.rises_at_end
+    top = int(np.nanargmax(curve.amplitude))
+    assert np.isfinite(curve.frequency[top - 5 : top + 6]).all()
+    function, omega = derive(oscillator.force), 2 * np.pi * np.linspace(0.9, 1.1, 4001) * curve.frequency[top]
+
+    def least(amplitude: float) -> float:
+        first = function.evaluate(np.full(4001, amplitude), omega, values)
+        return (
+            amplitude * abs(first.stiffness - 1.2998 * omega**2 + 1j * omega * first.damping)
+        ).min() - level
+
+    peak = brentq(least, 0.9 * curve.amplitude[top], 1.1 * curve.amplitude[top])
+    assert curve.amplitude[top] == pytest.approx(peak, rel=2e-3)
 
 
 def test_a_hardening_spring_keeps_its_stable_points_and_an_even_force_at_twice_its_frequency_does_not():

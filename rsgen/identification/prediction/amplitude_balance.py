@@ -4,14 +4,15 @@ With the equivalent stiffness k(X, omega) and damping c(X, omega) of the whole w
 
     F^2 = X^2 ((k - m omega^2)^2 + omega^2 c^2)
 
-is quadratic in omega^2 while k and c are kept; a few fixed-point iterations give the two frequencies at which
-a force F has the amplitude X. Every X has one solution on each side of the resonance, so that stable and
-unstable branches come without continuation. At a given frequency Newton's method in X gives the response.
+is quadratic in omega^2 while k and c are kept. With the slope of the loss a few such steps give the two
+frequencies at which a force F has the amplitude X; they meet at the peak. Every X has one solution on each
+side of the resonance, so that stable and unstable branches come without continuation. At a given frequency
+Newton's method in X gives the response.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import partial
 
@@ -61,9 +62,9 @@ _MIN_AMPLITUDE = 1e-4
 _BISECTION_POINTS = 25
 """Amplitudes of each of three refinements of an end of a curve."""
 
+_LOWEST_FREQUENCY = 0.01
+"""Relative to that of the resonance: from there a step that led below it is taken again; none below it."""
 _FREQUENCY_TOLERANCE = 1e-7
-_MAX_SECANT = 0.2
-"""Largest relative step of a frequency by the secant of two."""
 _FORCE_TOLERANCE = 1e-8
 """Relative error of the force at which Newton's method ends."""
 
@@ -154,49 +155,53 @@ class AmplitudeBalance:
         return stiffness.real + self._mass * omega**2, stiffness.imag / omega, guess
 
     def _iterate_frequency(
-        self, size: Array, omega: Array, square: Callable[[Array, Array, Array], Array]
-    ) -> tuple[Array, Array, Array, Array, ComplexArray]:
-        """Iterate omega^2 = square(u, k, X), u = k/m - c^2/(2 m^2), because k and c depend on omega.
+        self, size: Array, guess: Array, side: int, level: float = 0.0
+    ) -> tuple[Array, Array, ComplexArray, ComplexArray]:
+        """Iterate u = omega^2 until |F| at the amplitudes is the level [N]; where it is least for side 0.
 
-        Returns omega [rad/s], k [N/m], u and the last square [rad^2/s^2], NaN where it does not end, each
-        (n,), and the harmonics (n, K+1) [m] that k and c rest on.
+        (F/X)^2 = (k - m u)^2 + h(u), with k and h of the last omega and, of h, the slope, which takes up that
+        of k. So both sides meet where the force is least, however the loss depends on omega. Returns omega
+        [rad/s]; its last square, 0 where there is no frequency, NaN where the iteration does not end;
+        k + i omega c [N/m], each (n,), and the harmonics (n, K+1) [m].
         """
-        omega, (stiffness, middle, last) = np.array(omega), np.full((3, len(size)), np.nan)
-        moving, (earlier, missed) = np.arange(len(size)), np.full((2, len(size)), np.nan)
+        omega, last = np.array(guess), np.full(len(size), np.nan)
+        stiffness, moving = np.full(len(size), np.nan + 0j), np.arange(len(size))
         _, _, harmonics = self.equivalent(size, omega, None)
-        for number in range(3 * MAX_TRIAL_STEPS):
-            stiff, damping, start = self.equivalent(size[moving], omega[moving], harmonics[moving])
-            harmonics[moving] = start
-            stiffness[moving] = stiff
-            middle[moving] = stiff / self._mass - 0.5 * (damping / self._mass) ** 2
-            last[moving] = square(middle[moving], stiff, size[moving])
-            new = np.sqrt(np.where(last[moving] > 0, last[moving], np.nan))
-            far = np.abs(new / omega[moving] - 1) >= _FREQUENCY_TOLERANCE
-            here, miss = omega[moving], new - omega[moving]
-            if number > MAX_TRIAL_STEPS:
-                # slow, or from side to side, where a superharmonic resonance is near
-                slope = (miss - missed[moving]) / (here - earlier[moving])
-                new = np.where(np.abs(miss) < _MAX_SECANT * here * np.abs(slope), here - miss / slope, new)
-            earlier[moving], missed[moving] = here, miss
+        for _ in range(3 * MAX_TRIAL_STEPS):
+            here, amplitude, start = omega[moving], size[moving], harmonics[moving]
+            stiff, damping, harmonics[moving] = self.equivalent(amplitude, here, start)
+            near = here * (1 + 1e3 * _FREQUENCY_TOLERANCE)
+            stiff_near, damping_near, _ = self.equivalent(amplitude, near, harmonics[moving])
+            loss = (here * damping) ** 2
+            moved = (stiff_near - self._mass * near**2) ** 2 - (stiff - self._mass * near**2) ** 2
+            slope = (moved + (near * damping_near) ** 2 - loss) / (near**2 - here**2)
+            middle = stiff / self._mass - 0.5 * slope / self._mass**2
+            rest = stiff**2 + loss - slope * here**2 - (level / amplitude) ** 2
+            root = np.sqrt(np.maximum(middle**2 - rest / self._mass**2, 0.0))
+            square, lowest = middle + side * root, (_LOWEST_FREQUENCY * guess[moving]) ** 2
+            last[moving] = np.where(square <= lowest, 0.0, square)
+            stiffness[moving] = stiff + 1j * here * damping
+            new = np.sqrt(np.maximum(square, lowest))
+            far = np.abs(new / here - 1) >= _FREQUENCY_TOLERANCE
             omega[moving] = np.where(np.isfinite(new), new, here)
             if not far.any():
                 break
             moving = moving[far]
         else:
             last[moving] = np.nan
-        return omega, stiffness, middle, last, harmonics
+        return omega, last, stiffness, harmonics
 
     def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
         """Return the frequency (n,) [rad/s] at which each amplitude needs the least force, and that force
         [N].
 
-        The two solutions of a level coincide there: u = omega^2 = k/m - c^2/(2 m^2), F^2 = X^2 (k^2 - m^2
-        u^2); with strong damping below the phase resonance. NaN if u or the equivalent stiffness is not
-        positive. ``guess`` is (n,) [rad/s].
+        The two solutions of a level coincide there; with strong damping below the phase resonance. NaN if
+        there is none, or the loss is larger than the stiffness: friction all but sticks. ``guess`` is (n,)
+        [rad/s].
         """
-        omega, stiffness, middle, _, _ = self._iterate_frequency(size, guess, lambda middle, *_: middle)
-        known = (stiffness > 0) & (middle > 0)
-        least = size * np.sqrt(np.maximum(stiffness**2 - (self._mass * middle) ** 2, 0.0))
+        omega, square, stiffness, _ = self._iterate_frequency(size, guess, 0)
+        known = (square != 0) & (stiffness.real > stiffness.imag)
+        least = size * np.abs(stiffness - self._mass * omega**2)
         return np.where(known, omega, np.nan), np.where(known, least, np.nan)
 
     def _tabulate(self, largest: float) -> None:
@@ -267,19 +272,12 @@ class AmplitudeBalance:
         return float(0.8 * np.min(level * size / np.abs(at.force)))
 
     def frequencies(self, size: Array, level: float, side: int) -> tuple[Array, ComplexArray]:
-        """Return the frequency (n,) [rad/s] below (side -1) or above (+1) the resonance, NaN if there is
-        none, and the harmonics (n, K+1) [m] of the motion.
+        """Return the frequency (n,) [rad/s] below (side -1) or above (+1) the resonance, 0 if there is none,
+        NaN if it is not found, and the harmonics (n, K+1) [m] of the motion.
         """
-
-        def square(middle: Array, stiffness: Array, size: Array) -> Array:
-            # (k - m u)^2 + u c^2 = (F/X)^2 is quadratic in u = omega^2 for given k and c
-            root = middle**2 + ((level / size) ** 2 - stiffness**2) / self._mass**2
-            return np.asarray(middle + side * np.sqrt(np.maximum(root, 0.0)))
-
-        omega, _, _, last, harmonics = self._iterate_frequency(
-            size, self._interpolated_frequency(size), square
-        )
-        return np.where(last > 0, omega, np.nan), harmonics
+        guess = self._interpolated_frequency(size)
+        omega, square, _, harmonics = self._iterate_frequency(size, guess, side, level)
+        return np.where(np.isfinite(square), np.where(square == 0, 0.0, omega), np.nan), harmonics
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
         """Return the complex fundamental (n,) [m] on the stable branch nearest to the measured one.

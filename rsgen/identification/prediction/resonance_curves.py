@@ -404,12 +404,14 @@ def _branches(
     sizes = span[0] + (span[1] - span[0]) * blend
     (left, start), (right, end) = (balance.frequencies(sizes, level, side) for side in (-1, 1))
     omega, harmonics = np.concatenate([left, right[::-1]]), np.concatenate([start, end[::-1]])
-    size = np.concatenate([sizes, sizes[::-1]])
-    inside = np.isfinite(omega) & (omega >= window[0]) & (omega <= window[1])
+    # a frequency that is not found leaves no end: its neighbours are joined
+    known = np.isfinite(omega)
+    omega, harmonics, size = omega[known], harmonics[known], np.concatenate([sizes, sizes[::-1]])[known]
+    inside = (omega >= window[0]) & (omega <= window[1])
     cut = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
     distance = np.abs(right - left)
     if distance[-1] > _MAX_GAP_AT_PEAK * distance[np.searchsorted(sizes, HALF_POWER * sizes[-1])]:
-        cut = np.union1d(cut, [len(left)])
+        cut = np.union1d(cut, [np.count_nonzero(known[: len(left)])])
     pieces = [rows for rows in np.split(np.arange(len(omega)), cut) if len(rows) > 1 and inside[rows[0]]]
     return [(omega[rows], size[rows], harmonics[rows]) for rows in pieces]
 
