@@ -30,14 +30,6 @@ def written(folder: Path, name: str = "cubic", tolerance: float | None = 1e-2, *
     return write_result(folder, result, name)
 
 
-def test_a_result_does_not_differ_from_itself(tmp_path):
-    place = written(tmp_path)
-    fits, laws = compare_results(place, place)
-    assert not is_worse(fits)
-    assert fits["kn1"].shifts == (0.0, 0.0)
-    assert len(laws) == 1
-
-
 def test_a_moved_value_is_given_in_its_standard_errors(tmp_path):
     before, after = written(tmp_path / "a"), written(tmp_path / "b", kn1=0.04)
     fits, _ = compare_results(before, after)
