@@ -17,6 +17,8 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.history import TimeHistory, follow_decay, from_free_decay
 from rsgen.data.history.decay import _scatter
+from rsgen.data.oscillator import Model
+from rsgen.identification.fitting.points import select_points
 from tests.surfaces import codes
 
 MASS, STIFFNESS = 1.5, 1.5 * (2 * np.pi * 10) ** 2
@@ -232,6 +234,16 @@ def test_a_background_is_neither_advised_nor_accepted_for_a_free_decay() -> None
                 ask(table, "k*x + c*v", beside, mass=MASS)
         with pytest.raises(RsgenError, match="free decay"):
             rsgen.modal_table(table, beside, mass=MASS)
+
+
+def test_neighbours_of_a_decay_are_those_in_amplitude() -> None:
+    # noise alone orders the frequencies of a linear mode
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(len(decay("linear")))
+    table = from_free_decay(TimeHistory(RATE, None, decay("linear") + noise), mass=MASS)
+    points = select_points(table, Model("k*x + c*v"))
+    order = np.argsort(points.amplitude)
+    assert 5 < np.count_nonzero(np.diff(points.omega[order]) > 0) < len(points) - 5
+    np.testing.assert_array_equal(points.neighbours, np.stack([order[:-1], order[1:]], axis=1))
 
 
 def test_the_right_law_of_a_decay_is_not_doubted_for_frequencies_that_noise_orders() -> None:
