@@ -50,7 +50,7 @@ MAX_MOTION_DISTANCE = 0.02
 _SAMPLES_A_PERIOD = 128
 
 _NOISE_OF_UNMEASURED = 1e3
-"""Noise of a harmonic that was not measured, in units of that of the others."""
+"""Noise of a harmonic that was not measured, in units of that of the fundamental."""
 
 Trajectory = tuple[Array, Array, Array, Array]
 """x, v, a (motions, samples) and the sampling interval (motions, 1) [s]."""
@@ -421,15 +421,15 @@ def whiten_balance(
     balanced
         True if the motion is one of this very law. Its force along the waveform, with the inertia, then
         stands in place of the force of the motion, so that the error by a truncated waveform at jumps and
-        corners cancels. False along the measured motion, whose ``noise`` is one: what is known of the
-        background is then put into parts of force and response as well, by an assumed noise.
+        corners cancels. False along the measured motion, whose noise is not known and ``noise`` is one: the
+        weight with which the background stays near its values is then that of ``ASSUMED_RELATIVE_NOISE``.
     sensors
         Between which the motion has a second one.
     """
     width, count = 2 * motion.order + 1, len(motion.omega)
     right, inertia = np.empty((count, width)), np.empty((count, width))
     background = np.empty((count, width, len(motion.background)))
-    project = np.empty((count, np.count_nonzero(motion.known), _SAMPLES_A_PERIOD))
+    matrices = np.empty((count, np.count_nonzero(motion.known), _SAMPLES_A_PERIOD))
     trajectories = motion.trajectories(_SAMPLES_A_PERIOD)
     series = fourier_series(tuple(range(motion.order + 1)), _SAMPLES_A_PERIOD, half=False)
     for part in blocks(count, POINTS_PER_BLOCK):
@@ -443,7 +443,7 @@ def whiten_balance(
         background[part] = root @ -_change(jacobian, here.fundamental_by_background, here.force_by_background)
         right[part] = (root @ unweighted[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
-        project[part] = root[:, motion.known] @ series.project.T
+        matrices[part] = root[:, motion.known] @ series.project.T
     weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
     return PointBalance(
         trajectories,
@@ -454,7 +454,7 @@ def whiten_balance(
         weight,
         motion.known,
         motion.points.level,
-        project,
+        matrices,
         motion.points.spread(COMPARISON_POINTS),
         sensors=sensors,
     )
@@ -554,7 +554,7 @@ def _whitening(motion: ReferenceMotion, covariance: Array) -> Array:
 def _inverse_root(covariance: Array, known: NDArray[np.bool_]) -> Array:
     """Return the inverse Cholesky factor (n, r, r): unmeasured harmonics eliminated first, fundamental last.
 
-    A row of a harmonic has its own noise; to that of the fundamental noise of the others is added.
+    Each row is what its harmonic deviates given those before it, the fundamental given all others.
     """
     fundamental = np.isin(np.arange(len(known)), (1, 2))
     order = np.lexsort((fundamental, known))

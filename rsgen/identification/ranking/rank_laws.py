@@ -3,9 +3,10 @@
 BIC = chi^2 + q log(n) with chi^2 the sum of squares of the whitened balance of forces (``balance``) and q the
 number of parameters (Schwarz, Annals of Statistics 6, 1978). A harmonic balance for each of hundreds of
 candidates would take minutes; so all are compared along one reference motion, that of the best law so far,
-where each candidate is a linear least squares. If another law becomes the best, its motion is the next
-reference, until the best law is the one whose motion is the reference. A candidate's misfit is then that of
-maximum likelihood to second order in its distance from the best law, which is enough to order near ones.
+where each candidate is a linear least squares but for breakpoints, widths and exponents (``candidate_fit``).
+If another law becomes the best, its motion is the next reference, until the best law is the one whose motion
+is the reference. A candidate's misfit is then that of maximum likelihood to second order in its distance from
+the best law, which is enough to order near ones.
 The docstring of the package lists why a law is not tried, dropped or refused.
 """
 

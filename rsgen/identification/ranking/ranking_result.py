@@ -1,7 +1,7 @@
 """The result of a ranking: candidates, best first, and whether the best fits.
 
 The best law fits if its misfit beyond noise, m^2 = total^2 - noise^2 from the differences of neighbouring
-points (``reference.neighbour_noise``), is not significant by Fisher's z or below what sensors resolve.
+points (``_neighbour_noise``), is not significant by Fisher's z or below what sensors resolve.
 """
 
 from __future__ import annotations

@@ -266,7 +266,7 @@ class _Search:
         return np.array([float(np.sum(self._solve_rows(*row)[1] ** 2)) for row in rows])
 
     def lowest_end(self, ordered: Array, windows: list[Array]) -> Array:
-        """Return the best end of descents from trials that are no neighbours, the best trial first."""
+        """Return the best end of descents from trials that are no neighbours; of equal ones the first."""
         best: Array = ordered[0]
         lowest, several = self.cost(best), len(self.free) > 1
         if self._law.remembers and several:
