@@ -125,6 +125,16 @@ def test_stops_on_both_sides_are_found_though_one_has_their_fundamentals_along_s
     assert found["b1"].finding["combined"] == pytest.approx(3e-4, rel=0.01)
 
 
+def test_a_stop_without_a_gap_is_found_though_its_fundamental_is_that_of_a_spring():
+    """The start had a stop of -1.3e6 N/m, at which no point has a motion, and the law followed none."""
+    law, values = "k*x + kg*Max(x - b, 0) + c*v", {"k": 13240.0, "kg": 49400.0, "b": -5.7e-7, "c": 4.2437}
+    plan = rsgen.SimulatedTest([0.1415, 0.4715], np.linspace(14.1, 30.1, 47), noise_relative=7e-3, seed=15)
+    made = rsgen.simulate(Oscillator(1.0724, law, values), plan)
+    found = identify(ResponseSurface(made.level, made.frequency, made.force, made.harmonics[:, 1]), law)
+    assert found.residual < 0.01
+    assert found["kg"].value == pytest.approx(values["kg"], rel=0.1)
+
+
 @pytest.mark.parametrize(("law", "exchanged"), [
     ("Max(x - a, 0) + Min(x + b, 0)", True), ("a*Max(x, 0) + b*Min(x, 0)", True),
     ("a*x + b*x**3", False), ("a*Max(x, 0) + b*x", False), ("k*x + (a - b)*x**2", True),

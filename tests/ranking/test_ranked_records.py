@@ -53,6 +53,26 @@ def test_a_joint_with_memory_is_found() -> None:
     assert ranking.candidates[0].name == "jenkins"
 
 
+@pytest.mark.parametrize("mean", ["subtracted", "offset"])
+def test_a_mean_that_is_the_sensors_decides_no_ranking(mean: str) -> None:
+    """None fitted where the mean was subtracted, and memory was tried for minutes."""
+    gap = "Max(x - b, 0)" if mean == "subtracted" else "(Max(x - b, 0) + Min(x + b, 0))"
+    truth = rs.Oscillator(MASS, f"{BASE} + kg*{gap}", {"k": 5000.0, "c": 15.0, "kg": 8000.0, "b": 2e-3})
+    plan = rs.MultisineTest((4, 6, 9), (2.5, 20), 1.0, periods=4, noise_relative=NOISE / 4)
+    spectra = rs.simulate(truth, plan)
+    response = np.array(spectra.response)
+    response[:, :, 0] = 0 if mean == "subtracted" else response[:, :, 0] + 3e-4
+    names = ("dead-zone", "one-sided-stop", "jenkins")
+    ranking = rs.rank(replace(spectra, response=response), [rs.laws[name] for name in names])
+    first = "one-sided-stop" if mean == "subtracted" else "dead-zone"
+    assert ranking.candidates[0].name == first
+    assert ranking.fits
+    assert ranking.best["b"].value == pytest.approx(2e-3, rel=0.02)
+    assert "sensor-offset" in codes(ranking)
+    # laws with memory are not asked for
+    assert not any("jenkins" in one.name for one in ranking)
+
+
 def test_the_rows_leave_what_the_fit_of_the_lines_leaves() -> None:
     spectra = virtual("cubic-spring")
     model = Model(as_elements(f"{BASE} + k3*x**3"))

@@ -114,6 +114,12 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
         return _assemble(spectra, model, fit)
 
 
+def mean_may_be_offset(spectra: MultisineSpectra) -> bool:
+    """Return True if the motion has a recorded mean, and the force none, which would be lost with it."""
+    driven = np.abs(spectra.mean_force[:, 0]) > MISFIT_NEGLIGIBLE * rms(spectra.mean_force)
+    return spectra.mean_known and spectra.periods > 1 and not spectra.base and not driven.any()
+
+
 def _offset_findings(fit: LineFit) -> list[Finding]:
     """Find that the law along the recorded motion has another mean force than was recorded; none or one.
 
@@ -121,13 +127,9 @@ def _offset_findings(fit: LineFit) -> list[Finding]:
     degree about any other zero.
     """
     law, part = fit.law, fit.mode.spectra
-    several = part.periods > 1
-    if not (part.mean_known and several and law.springs) or law.remembers or law.acts_across or part.base:
+    if not (mean_may_be_offset(part) and law.springs) or law.remembers or law.acts_across:
         return []
     rest, size = np.abs(fit.balance.residual[:, 0].real), rms(part.mean_force)
-    if np.any(np.abs(part.mean_force[:, 0]) > MISFIT_NEGLIGIBLE * size):
-        # without the mean of the motion that of the force would be lost, too
-        return []
     row = int(np.argmax(rest / size))
     if not rest[row] > MISFIT_NEGLIGIBLE * size[row]:
         return []

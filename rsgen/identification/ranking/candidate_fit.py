@@ -9,7 +9,7 @@ give.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
-from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NEAR_STEPS
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NEAR_STEPS, NOISE_RATIO_BY_CHANCE
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
@@ -89,19 +89,6 @@ class CandidateLaw:
             for force in self.forces.values()
         )
 
-    def forces_along(self, rows: WhitenedBalance, stride: int) -> dict[str, Array]:
-        """Return the force (motions, samples) by the sensors between which it acts.
-
-        It is that along every ``stride``-th of the motions.
-        """
-        found: dict[str, Array] = {}
-        for element in self.elements:
-            law = compile_law(element.force)
-            x, v, a, step = (part[::stride] for part in rows.motion_of(element.across))
-            force = law.sample(x, v, a, step, law.ordered(self.values)).force + np.zeros_like(x)
-            found[element.across] = found.get(element.across, 0.0) + force
-        return found
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CandidateFit:
@@ -113,8 +100,8 @@ class CandidateFit:
         The candidate with the fitted values.
     residual
         (n, r) residual of the balance, in units of the noise.
-    held_out_residual
-        (n, r) residual of each level at the parameters that the other levels give.
+    predict_levels
+        Return the (n, r) residual of each level at the parameters that the other levels give.
     compared
         (r,) mask of the rows that count.
     background_cost
@@ -127,7 +114,7 @@ class CandidateFit:
 
     candidate: CandidateLaw
     residual: Array
-    held_out_residual: Array
+    predict_levels: Callable[[], Array]
     compared: NDArray[np.bool_]
     background_cost: float
     fault: str = ""
@@ -235,7 +222,7 @@ class _Balance:
 
 
 def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping[str, float]) -> CandidateFit:
-    """Fit a candidate along the motion and predict each level from the others.
+    """Fit a candidate along the motion.
 
     Parameters
     ----------
@@ -281,13 +268,11 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
     elif balance.lacks_static_stiffness(place):
         fault = "it has almost no static stiffness"
     if fault:
-        return CandidateFit(fitted, residual, residual, rows.compared, background_cost, fault)
-    held_out_residual = _held_out_residual(balance, place, residual, matrix)
+        return CandidateFit(fitted, residual, lambda: residual, rows.compared, background_cost, fault)
+    predict = partial(_predict_levels, balance, place, residual, matrix, rules)
     # what is linear in all parameters is solved for
     converged |= not balance.nonlinear
-    return CandidateFit(
-        fitted, residual, held_out_residual, rows.compared, background_cost, converged=converged
-    )
+    return CandidateFit(fitted, residual, predict, rows.compared, background_cost, converged=converged)
 
 
 def _limited_step(place: Array, change: Array, limits: Array, nonlinear: list[int]) -> Array:
@@ -299,22 +284,31 @@ def _limited_step(place: Array, change: Array, limits: Array, nonlinear: list[in
     return np.clip(moved, limits[:, 0], limits[:, 1])
 
 
-def _held_out_residual(balance: _Balance, place: Array, residual: Array, matrix: Array) -> Array:
-    """Return the residual of each level at the parameters of the other levels, by one Gauss-Newton step."""
-    held_out_residual = np.full_like(residual, np.nan)
-    level = balance.rows.level
+def _predict_levels(balance: _Balance, place: Array, residual: Array, matrix: Array, rules: Rules) -> Array:
+    """Return the residual of each level at the parameters of the other levels.
+
+    That is one Gauss-Newton step, and a fit where it leads far: few points near a breakpoint give its slope,
+    along which the others would not stay.
+    """
+    predicted = np.full_like(residual, np.nan)
+    level, compared = balance.rows.level, balance.rows.compared
     parts = [level == amount for amount in np.unique(level)]
     if len(parts) < 2:
-        return held_out_residual
+        return predicted
     fixed = np.where(balance.free, np.nan, 0.0)
     prior = np.column_stack([np.diag(balance.prior), -balance.prior * place])
-    rows = np.concatenate([matrix, residual[:, :, None]], axis=2)[:, balance.rows.compared]
+    rows = np.concatenate([matrix, residual[:, :, None]], axis=2)[:, compared]
     triangles = [np.linalg.qr(rows[part].reshape(-1, rows.shape[2]), mode="r") for part in parts]
     for i, part in enumerate(parts):
         others = np.concatenate([prior, *triangles[:i], *triangles[i + 1 :]])
         change = solve_scaled(others[:, :-1], others[:, -1], known=fixed)[0]
-        held_out_residual[part] = residual[part] - matrix[part] @ change
-    return held_out_residual
+        predicted[part] = residual[part] - matrix[part] @ change
+        left, before = (np.linalg.norm(rest[part][:, compared]) for rest in (predicted, residual))
+        if balance.nonlinear and not left <= NOISE_RATIO_BY_CHANCE * before:
+            none = np.zeros((len(level), 0))
+            refitted = descend(balance.linearise, place, none, rules, used=~part)[0]
+            predicted[part] = balance.evaluate(refitted)[0][part]
+    return predicted
 
 
 # ----------------------------------------------------------------------------
@@ -409,6 +403,10 @@ class RankedTest(ABC):
     @abstractmethod
     def along(self, candidate: CandidateLaw, before: Round | None) -> Round | None:
         """Fit a law by itself, and make its motion the reference; None if it does not follow the test."""
+
+    def without_mean(self) -> RankedTest | None:
+        """Return the test without a mean that may be the sensor's; None if it has none."""
+        return None
 
     def larger_background(self, best: CandidateFit, current: Round) -> Finding | None:
         """Find a larger background with which a law leaves much less; None if there is none."""

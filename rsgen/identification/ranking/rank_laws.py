@@ -25,7 +25,6 @@ from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     NOISE_RATIO_BY_CHANCE,
-    RELATIVE_ERROR_DOUBTFUL,
     SUBSAMPLE_POINTS,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -42,6 +41,7 @@ from rsgen.identification.ranking.candidate_fit import (
     CandidateLaw,
     RankedTest,
     Round,
+    fit_candidate,
     lacks,
 )
 from rsgen.identification.ranking.library_sums import Term, whole_name
@@ -50,7 +50,8 @@ from rsgen.identification.ranking.ranking_result import (
     Candidate,
     Ranking,
     assess_best,
-    is_same,
+    order_candidates,
+    values_of_same,
 )
 from rsgen.identification.ranking.records import RecordTest
 from rsgen.identification.ranking.reference import PointTest
@@ -87,6 +88,7 @@ class _Stage:
 class _Compared:
     """A round, and the candidates fitted along its motion, best first, and those with a fault."""
 
+    test: RankedTest
     round: Round
     found: list[CandidateFit]
     faulty: list[CandidateFit]
@@ -95,6 +97,11 @@ class _Compared:
     def systematic_misfit(self) -> float:
         """Misfit of the law of the motion beyond noise, relative to force and response."""
         return self.round.misfit(self.round.leader).systematic
+
+    @property
+    def fits(self) -> bool:
+        """True if the best candidate leaves nothing beyond noise and sensors."""
+        return not self.round.misfit(self.found[0]).unexplained
 
 
 @known_arguments
@@ -167,7 +174,7 @@ def rank(
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
     rounds = _all_rounds(test, given, terms, terms_in_sum, progress)
-    ranking = _ranking(test, _best_round(rounds), tuple(laws), base, surface, progress)
+    ranking = _ranking(_best_round(rounds), tuple(laws), base, surface, progress)
     if (
         isinstance(surface, MultisineSpectra)
         or ranking.fits
@@ -211,7 +218,8 @@ def _all_rounds(
     harmonics stages of odd laws precede, and where one ends with a law that fits, all laws without memory are
     compared once, along its motion; not along that of a single law that a sum of odd ones outdoes, which the
     stage of these sums settles. A stage is passed over whose best law leaves more along the measured motion
-    than a right one does, but for the last.
+    than a right one does, but for the last. Before that, where none fits, laws without memory are compared
+    without a mean that may be the sensor's; their identification says whether it is.
     """
     plain = tuple(term for term in terms if not term.remembers)
     without_memory, last = _Stage(given, plain, terms_in_sum), _Stage(given, terms, terms_in_sum)
@@ -224,6 +232,12 @@ def _all_rounds(
     tried = set[_Stage]()
     for number, stage in enumerate(stages):
         progress(_SHARE_OF_STAGES * number / len(stages))
+        none_fits = number == len(stages) - 1 and not (rounds and _best_round(rounds).fits)
+        if none_fits and (other := test.without_mean()) is not None:
+            laws = tuple(other.start(law.name, law.elements) for law in given)
+            centred = _all_rounds(other, laws, plain, terms_in_sum, lambda share: None)
+            if _best_round(centred).fits:
+                return centred
         if stage in tried or not (stage.laws or stage.terms):
             continue
         tried.add(stage)
@@ -240,8 +254,8 @@ def _all_rounds(
             continue
         best = _best_round(rounds)
         precedes = stage not in (without_memory, last)
-        if precedes and not best.round.misfit(best.found[0]).unexplained:
-            whole = _compare(best.round, without_memory.entries(test), best.found)
+        if precedes and best.fits:
+            whole = _compare(test, best.round, without_memory.entries(test), best.found)
             if stage != stages[0] or not _outdone(whole):
                 return [whole]
             # the laws that it would add are not odd, either
@@ -270,7 +284,7 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
         current = next((motion for motion in motions if motion is not None), None)
         if current is None:
             break
-        rounds.append(_compare(current, entries, found))
+        rounds.append(_compare(test, current, entries, found))
         found, name = rounds[-1].found, current.leader.candidate.name
         if found[0].candidate.name in (name, *tried) or rounds[-1].systematic_misfit > MISFIT_REJECTED:
             break
@@ -280,7 +294,9 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
     return rounds
 
 
-def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit]) -> _Compared:
+def _compare(
+    test: RankedTest, current: Round, entries: Candidates, known: Sequence[CandidateFit]
+) -> _Compared:
     """Fit the candidates; at most twice exclude outliers of the best and refit the same candidates."""
     # the law of the motion competes in any case, and so do the best of the round before
     candidates = entries.search(current.rows, [current.leader, *known[:_LEADERS]])
@@ -294,40 +310,7 @@ def _compare(current: Round, entries: Candidates, known: Sequence[CandidateFit])
     name = current.leader.candidate.name
     # fitted without the excluded points, unless it was dropped
     leader = next((fit for fit in found if fit.candidate.name == name), current.leader)
-    return _Compared(replace(current, leader=leader), found, faulty)
-
-
-def order_candidates(
-    bic: Sequence[float], error: Sequence[float], count: Sequence[int]
-) -> tuple[list[int], float, list[bool]]:
-    """Order candidates by BIC; the first is that of fewest parameters among the tied ones.
-
-    Candidates tie whose BIC is within ``STRONG_EVIDENCE`` of the lowest. Those that predict held-out levels
-    worse than one of fewer parameters overfit, tie with none, and come last.
-
-    Parameters
-    ----------
-    bic, error, count
-        Of each candidate: its criterion, the error of predicted levels (NaN with one level), parameters.
-
-    Returns
-    -------
-    order, lowest, tied
-        Numbers of the candidates, best first; the lowest BIC without overfitting; which tie with it.
-    """
-    overfitted = [
-        worse > RELATIVE_ERROR_DOUBTFUL
-        and any(few < many and worse > NOISE_RATIO_BY_CHANCE * error[i] for i, few in enumerate(count))
-        for many, worse in zip(count, error, strict=True)
-    ]
-    lowest = min(value for value, last in zip(bic, overfitted, strict=True) if not last)
-    tied = [
-        value - lowest < STRONG_EVIDENCE and not last for value, last in zip(bic, overfitted, strict=True)
-    ]
-
-    best = min(np.flatnonzero(tied).tolist(), key=lambda i: (count[i], bic[i]))
-    by_bic = sorted(range(len(bic)), key=lambda i: (i != best, not tied[i], overfitted[i], bic[i]))
-    return by_bic, lowest, tied
+    return _Compared(test, replace(current, leader=leader), found, faulty)
 
 
 def _misfit_of_rows(found: Identification, current: Round) -> float:
@@ -340,7 +323,6 @@ def _misfit_of_rows(found: Identification, current: Round) -> float:
 
 
 def _ranking(
-    test: RankedTest,
     last: _Compared,
     given: Sequence[str],
     base: Model,
@@ -348,12 +330,12 @@ def _ranking(
     progress: Callable[[float], None],
 ) -> Ranking:
     """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
-    current, fixed, found = last.round, test.fixed, None
-    candidates, own = _merge_equal_laws(last.found, current.rows, given)
+    test, current, fixed, found = last.test, last.round, last.test.fixed, None
+    candidates, own = _merge_equal_laws(last.found, current.rows, given, fixed)
     bic = [fit.bic() for fit in candidates]
     if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED and not is_misread(surface):
         bic = _compare_along_own(test, current, candidates, given, progress)
-    error = [current.relative(fit.held_out_residual) for fit in candidates]
+    error = [current.relative(fit.predict_levels()) for fit in candidates]
     count = [len(fit.candidate.values) for fit in candidates]
     fault: RsgenError | None = None
     identified: dict[int, Identification] = {}
@@ -433,7 +415,8 @@ def _ranking(
     doubts = [
         f
         for f in (found.findings if found else surface.findings)
-        if f.severity in ("doubt", "error") or f.code in ("law-does-not-fit", "even-terms-not-seen")
+        if f.severity in ("doubt", "error")
+        or f.code in ("law-does-not-fit", "even-terms-not-seen", "sensor-offset")
     ]
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
@@ -577,23 +560,32 @@ def _compare_along_own(
 
 
 def _merge_equal_laws(
-    candidates: list[CandidateFit], rows: WhitenedBalance, given: Sequence[str]
+    candidates: list[CandidateFit],
+    rows: WhitenedBalance,
+    given: Sequence[str],
+    fixed: Mapping[str, float],
 ) -> tuple[list[CandidateFit], CandidateFit | None]:
-    """Drop sums that equal a law of the user. A model's own law takes the name of the library, and is
-    returned.
+    """Drop sums that equal a law of the user, which is fitted from their values where they fit better.
+
+    A model's own law takes the name of the library, and is returned.
     """
     own = None
     for name in given:
         law = next((fit for fit in candidates if fit.candidate.name == name), None)
         if law is None:
             continue
-        twins = [fit for fit in candidates if fit is not law and is_same(fit, law, rows)]
-        candidates = [fit for fit in candidates if not any(fit is twin for twin in twins)]
+        others = ((fit, values_of_same(law, fit, rows)) for fit in candidates if fit is not law)
+        twins = [(twin, values) for twin, values in others if values is not None]
+        better = law
+        for twin, values in twins:
+            if better.bic() - twin.bic() > STRONG_EVIDENCE:
+                again = fit_candidate(replace(law.candidate, values=values), rows, fixed)
+                better = min(better, again, key=lambda fit: inf if fit.fault else fit.bic())
+        label = twins[0][0].candidate.name if name == OWN and twins else name
+        named = replace(better, candidate=replace(better.candidate, name=label))
+        gone = [twin for twin, _ in twins]
+        candidates = [named if fit is law else fit for fit in candidates if fit not in gone]
         if name == OWN:
-            named = replace(
-                law, candidate=replace(law.candidate, name=twins[0].candidate.name if twins else name)
-            )
-            candidates = [named if fit is law else fit for fit in candidates]
             # a linear law is the base of all sums, and the default of a case without a law
             own = None if law.candidate.linear else named
     return candidates, own

@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 import sympy
 
+from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, listed
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, aligned, lookup, short
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
+    NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
@@ -28,13 +30,20 @@ from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.printing import write
+from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
 from rsgen.identification.identify import identify, identify_points
 from rsgen.identification.ranking.balance import WhitenedBalance
-from rsgen.identification.ranking.candidate_fit import POINT_STRIDE, CandidateFit, Round
+from rsgen.identification.ranking.candidate_fit import (
+    POINT_STRIDE,
+    STRONG_EVIDENCE,
+    CandidateFit,
+    Round,
+)
 from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
 from rsgen.identification.results import Identification, changed
 from rsgen.law.element import forces_by_motion
 from rsgen.law.memory import equations_of
+from rsgen.law.numeric import ForceLaw
 
 OWN = "the case's own law"
 """Name of the law of the case or model that is ranked, among the candidates."""
@@ -343,22 +352,78 @@ def assess_best(
     return Assessment(fits, left.unexplained, tuple(findings))
 
 
-def is_same(one: CandidateFit, other: CandidateFit, rows: WhitenedBalance) -> bool:
-    """Return True if two candidates are one law, by their normal forms or by their forces."""
-    if len(one.candidate.values) != len(other.candidate.values):
-        return False
+def order_candidates(
+    bic: Sequence[float], error: Sequence[float], count: Sequence[int]
+) -> tuple[list[int], float, list[bool]]:
+    """Order candidates by BIC; the first is that of fewest parameters among the tied ones.
+
+    Candidates tie whose BIC is within ``STRONG_EVIDENCE`` of the lowest. Those that predict held-out levels
+    worse than one of fewer parameters overfit, tie with none, and come last.
+
+    Parameters
+    ----------
+    bic, error, count
+        Of each candidate: its criterion, the error of predicted levels (NaN with one level), parameters.
+
+    Returns
+    -------
+    order, lowest, tied
+        Numbers of the candidates, best first; the lowest BIC without overfitting; which tie with it.
+    """
+    overfitted = [
+        worse > RELATIVE_ERROR_DOUBTFUL
+        and any(few < many and worse > NOISE_RATIO_BY_CHANCE * error[i] for i, few in enumerate(count))
+        for many, worse in zip(count, error, strict=True)
+    ]
+    lowest = min(value for value, last in zip(bic, overfitted, strict=True) if not last)
+    tied = [
+        value - lowest < STRONG_EVIDENCE and not last for value, last in zip(bic, overfitted, strict=True)
+    ]
+
+    best = min(np.flatnonzero(tied).tolist(), key=lambda i: (count[i], bic[i]))
+    by_bic = sorted(range(len(bic)), key=lambda i: (i != best, not tied[i], overfitted[i], bic[i]))
+    return by_bic, lowest, tied
+
+
+def values_of_same(
+    one: CandidateFit, other: CandidateFit, rows: WhitenedBalance
+) -> Mapping[str, float] | None:
+    """Return the values with which a candidate is another one; None where they are two laws.
+
+    They are one law by their normal forms, or where its values can be fitted to the force of the other along
+    the motions: of two notations that leaves round-off, of two laws that the test cannot separate far more.
+    """
+    law, wanted = one.candidate.law, other.candidate.law
+    if len(law.parameters) != len(wanted.parameters) or len(law.parts) != len(wanted.parts):
+        return None
+    some, known = slice(None, None, POINT_STRIDE), rows.trajectories[: len(law.parts)]
+    motions, step = [(x[some], v[some], a[some]) for x, v, a, _ in known], known[0][3][some]
+    alike = np.broadcast_arrays
+
+    def along(which: ForceLaw, values: Array) -> Array:
+        """Return the force, then its slopes (parts, motions, samples, 1 + p)."""
+        parts = zip(motions, which.sample_parts(motions, step, values), strict=True)
+        return np.stack([np.stack(alike(m[0], s.force, *s.by_parameter)[1:], axis=-1) for m, s in parts])
+
+    force = along(wanted, wanted.ordered(other.candidate.values))[..., :1]
+    # a joint may carry little of the force: along each motion by itself
+    least = np.sqrt(ROUND_OFF) * np.max(np.abs(force), axis=(1, 2, 3), keepdims=True)
+
+    def linearise(values: Array, nuisance: Array) -> Linearisation:
+        rest = along(law, values)
+        rest[..., :1] = force - rest[..., :1]
+        rest = (rest / least).reshape(len(nuisance), -1, rest.shape[-1])
+        return Linearisation(rest[:, :, 0], np.zeros((*rest.shape[:2], 0)), rest[:, :, 1:])
+
+    none = np.zeros((force.shape[0] * force.shape[1], 0))
+    rules = Rules(steps=NEAR_STEPS, linear=law.linear)
+    found, _, line, _ = descend(linearise, law.ordered(one.candidate.values), none, rules)
+    if np.max(np.abs(line.residual)) <= 1:
+        return {**law.named(found), "m": other.candidate.values["m"]}
     first, second = (
         {sensors: terms_of(force) for sensors, force in fit.candidate.forces.items()} for fit in (one, other)
     )
-    if first == second:
-        return True
-    mine, theirs = (fit.candidate.forces_along(rows, POINT_STRIDE) for fit in (one, other))
-    # fits of one law in two notations end much nearer than those of two laws that the test cannot separate;
-    # a joint may carry little of the force: along each motion by itself
-    return mine.keys() == theirs.keys() and all(
-        np.max(np.abs(mine[sensors] - force)) <= np.sqrt(ROUND_OFF) * np.max(np.abs(force))
-        for sensors, force in theirs.items()
-    )
+    return one.candidate.values if first == second else None
 
 
 def _overfitting_findings(fitted: float, first: Candidate) -> list[Finding]:

@@ -28,6 +28,7 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
+from rsgen.identification.lines.line_identification import mean_may_be_offset
 from rsgen.identification.ranking.balance import MAX_MOTION_DISTANCE, Trajectory, WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
     MAX_UNEXPLAINED,
@@ -185,6 +186,7 @@ class RecordTest(RankedTest):
     ) -> None:
         held_out = check_records(spectra, base.observation)
         self._spectra, self._observation = spectra.select(np.flatnonzero(~held_out)), base.observation
+        self._base, self._given, self._sensors = base, given, sensors
         self.fixed, self.means = base.fixed, spectra.means
         for elements in given:
             law_of(elements, self.means)
@@ -198,6 +200,13 @@ class RecordTest(RankedTest):
             fits = [self._fit(law) for law in laws]
         self.first = LineBalance.along(min(fits, key=_misfit))
         self._lines = self.first.fit.mode
+
+    def without_mean(self) -> RecordTest | None:
+        """Return the records without their mean, if that of the force is zero; None where it is another."""
+        if not mean_may_be_offset(self._spectra):
+            return None
+        spectra = replace(self._spectra, mean_known=False)
+        return RecordTest(spectra, self._base, self._given, self._sensors)
 
     def _select(self, law: ForceLaw) -> SpectralLines:
         share = law.parts[-1].share

@@ -402,11 +402,8 @@ class PointRound(Round):
         if not out.any():
             return None
         inside = np.flatnonzero(~out)
-        leader = replace(
-            self.leader,
-            residual=self.leader.residual[inside],
-            held_out_residual=self.leader.held_out_residual[inside],
-        )
+        left, predict = self.leader.residual[inside], self.leader.predict_levels
+        leader = replace(self.leader, residual=left, predict_levels=lambda: predict()[inside])
         reference = self.reference.select(inside)
         return replace(self, reference=reference, rows=self.rows.select(inside), leader=leader)
 
@@ -434,8 +431,8 @@ class PointRound(Round):
             moved[~inside] = 1 / self.noise
             return moved
 
-        residual, held_out = move(fit.residual), move(fit.held_out_residual)
-        moved = replace(fit, residual=residual, held_out_residual=held_out, compared=self.rows.compared)
+        residual, predict, compared = move(fit.residual), fit.predict_levels, self.rows.compared
+        moved = replace(fit, residual=residual, predict_levels=lambda: move(predict()), compared=compared)
         return moved, settled
 
     def relative(self, residual: Array) -> float:

@@ -35,6 +35,7 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
     TRIAL_POINTS,
     deviation_of_median,
+    is_significant,
     samples_for,
 )
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -334,12 +335,15 @@ def _start_first_order(problem: Problem) -> Array:
         points = observed.mode(background)
         found = _start_values(points, problem.law, problem.fixed)
         several = [found, *_start_on_both_sides(problem, points, found.values)]
+        several += _start_with_even_force(problem, points, found)
         trials += [problem.join(one.values, one.mass, background) for one in several]
     if len(trials) == 1:
         return trials[0]
     few = problem.select(observed.points.spread(SUBSAMPLE_POINTS))
     fits = [fit_balance(few, trial, order=START_HARMONICS, correct=False) for trial in trials]
-    return min(fits, key=lambda found: found.regression.sigma).regression.parameters
+    # a trial that follows no point has no misfit
+    followed = [found for found in fits if np.isfinite(_cost(found))]
+    return min(followed or fits, key=lambda found: found.regression.sigma).regression.parameters
 
 
 def _start_on_both_sides(problem: Problem, points: Points, values: Array) -> Iterator[Solution]:
@@ -358,6 +362,30 @@ def _start_on_both_sides(problem: Problem, points: Points, values: Array) -> Ite
             near = np.array(values)
             near[list(pair)] = values[place]
             yield solve_equations(Equations.along(points, law, 1), law, fixed, near)
+
+
+def _start_with_even_force(problem: Problem, points: Points, found: Solution) -> Iterator[Solution]:
+    """Solve with sizes of a term with an even force that the first order hardly tells from a linear one.
+
+    Of a stop whose gap is small along the motion it may give a hundred times its stiffness, at which no point
+    has a motion.
+    """
+    law, fixed = problem.law, problem.fixed
+    if not even_part_unobservable(problem) or law.remembers or law.acts_across:
+        return
+    largest = sine_motion(points.omega, points.amplitude).select(np.array([np.argmax(points.amplitude)]))
+    slopes = law.along(largest, found.values, SAMPLES_PER_PERIOD).by_parameter
+    force = abs(found.mass) * float((points.omega**2 * points.amplitude).max())
+    error = np.nan_to_num(np.sqrt(np.diag(found.covariance)), nan=np.inf)
+    for place in law.linear:
+        name, slope = law.parameters[place], np.broadcast_to(slopes[place], (1, SAMPLES_PER_PERIOD))
+        size, even = np.max(np.abs(slope)), np.max(np.abs(_even(slope)))
+        # directions without a fundamental are tried later
+        hidden = 0 < error[place] < np.inf and not is_significant(found.values[place], error[place])
+        if hidden and name not in fixed and even > MIN_NULL_COMPONENT * size:
+            for ratio in _FORCE_RATIOS:
+                given = {**fixed, name: ratio * force / size}
+                yield solve_equations(Equations.along(points, law, 1), law, given)
 
 
 def _start_values(points: Points, law: ForceLaw, fixed: Mapping[str, float]) -> Solution:
