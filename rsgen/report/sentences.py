@@ -151,7 +151,8 @@ def _fill(said: str | Mapping[str, str], words: Mapping[str, Mapping[str, str]],
         return found[2] if _holds(finding, conditions) else ""
 
     if not isinstance(said, str):
-        said = next(text for when, text in said.items() if when == "otherwise" or _holds(finding, when))
+        applies = (text for when, text in said.items() if when == "otherwise" or _holds(finding, when))
+        said = next(applies, "")
     return _PART.sub(part, said).format_map(_Fields(finding, words))
 
 

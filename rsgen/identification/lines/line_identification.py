@@ -17,7 +17,7 @@ from math import inf, nan
 import numpy as np
 
 from rsgen.common.arrays import Array, frozen_array
-from rsgen.common.errors import RsgenError, require
+from rsgen.common.errors import RsgenError, listed, require
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.tolerances import (
     HELD_OUT_ERROR_DOUBTFUL,
@@ -33,6 +33,7 @@ from rsgen.common.tolerances import (
     OUTLIER_SIGMAS,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
+    is_significant,
 )
 from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records, rms
@@ -102,15 +103,24 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     """
     fit = fit_multisine(spectra, model)
     with np.errstate(all="ignore"):
-        if offset := _offset_findings(fit):
-            without = replace(spectra, mean_known=False, findings=(*spectra.findings, *offset))
+        for offset in _offset_findings(fit):
+            without = replace(spectra, mean_known=False, findings=(*spectra.findings, offset))
             other = fit_multisine(without, model)
+            names, errors = (*fit.law.parameters, "m"), np.sqrt(np.diag(fit.errors[0].covariance))
+            moved = is_significant(other.parameters - fit.parameters, errors)[: len(names)]
             # of a law that does not fit, the mean is none of the sensor's
             if (
-                other.misfit <= (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit
-                and other.misfit < MISFIT_DOUBTFUL
+                other.misfit > (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit
+                or other.misfit >= MISFIT_DOUBTFUL
             ):
+                break
+            if mean_may_be_offset(spectra):
                 spectra, fit = without, other
+            elif moved.any():
+                # without the mean of the motion that of the force would be lost, too
+                said = {"by": "load", "values": listed([names[i] for i in np.flatnonzero(moved)])}
+                doubt = Finding("sensor-offset", "doubt", numbers=offset.numbers, names=said)
+                spectra = replace(spectra, findings=(*spectra.findings, doubt))
         return _assemble(spectra, model, fit)
 
 
@@ -127,7 +137,8 @@ def _offset_findings(fit: LineFit) -> list[Finding]:
     degree about any other zero.
     """
     law, part = fit.law, fit.mode.spectra
-    if not (mean_may_be_offset(part) and law.springs) or law.remembers or law.acts_across:
+    known = part.mean_known and part.periods > 1 and not part.base
+    if not (known and law.springs) or law.remembers or law.acts_across:
         return []
     rest, size = np.abs(fit.balance.residual[:, 0].real), rms(part.mean_force)
     row = int(np.argmax(rest / size))
