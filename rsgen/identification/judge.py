@@ -317,9 +317,8 @@ class Findings:
         found = list(self.errors.of_repeats)
         if self.estimates and not any(estimate.identifiable for estimate in self.estimates):
             found.append(Finding("nothing-identifiable", "doubt"))
-        codes = [estimate.finding.code for estimate in self.estimates if estimate.finding is not None]
         known = sum(estimate.identifiable for estimate in self.estimates)
-        if 0 < 2 * known < len(self.estimates) and codes.count("not-distinct-from-zero") > 1:
+        if 0 < 2 * known < len(self.estimates):
             numbers = quantities(known=known, parameters=len(self.estimates))
             found.append(Finding("nothing-identifiable", "doubt", numbers=numbers))
         kept = self.points.select(fit.regression.used)

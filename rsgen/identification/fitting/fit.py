@@ -45,11 +45,12 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
+    STANDARD_ERRORS_OF_DIFFERENCE,
     is_significant,
 )
 from rsgen.identification.fitting.across import MeasuredAcross, across_of_mode, law_of
 from rsgen.identification.fitting.forward import ErrorsInVariables, HarmonicBalance, Simulator
-from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit
+from rsgen.identification.fitting.least_squares import Regression, Rules, eliminate, fit, summarise
 from rsgen.identification.fitting.observed import Problem, is_systematic
 from rsgen.identification.fitting.points import Points
 from rsgen.law.motion import Motion, sine_motion
@@ -239,6 +240,9 @@ def _finish(
     response = descent.predict(regression.parameters, regression.nuisance)
     lag = np.angle(response.harmonics[:, 1])
     values = problem.split(regression.parameters)[2]
+    turn = problem.observed.turn(regression.nuisance) + lag
+    size = np.abs(response.harmonics[:, 1])
+    regression = _at_held_amplitudes(regression, descent, problem, problem.observed.nuisances(size, turn))
     influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
     if descent.scale is None:
         influence = problem.observed.relative_influence(influence, values, regression.nuisance)
@@ -252,12 +256,37 @@ def _finish(
         regression,
         response.force * np.exp(-1j * lag),
         motion.harmonics,
-        problem.observed.turn(regression.nuisance) + lag,
+        turn,
         np.abs(problem.observed.predict_sensor(response, values)),
         order,
         across,
         shared,
     )
+
+
+def _at_held_amplitudes(
+    found: Regression, descent: ErrorsInVariables, problem: Problem, nuisance: Array
+) -> Regression:
+    """Return a fit with the errors and null vectors of the amplitudes that the levels of a test held.
+
+    One amplitude has one k and one c, whatever the law has. Where that of a level varies by its noise alone,
+    slopes at its noisy copies seem to tell how the law goes on beyond it; so do harmonics of the motion that
+    were not measured. ``nuisance`` is that of a balance at the predicted motions.
+    """
+    held = problem.observed.points.held(STANDARD_ERRORS_OF_DIFFERENCE * found.sigma, found.used)
+    balanced = not isinstance(descent.forward, Simulator)
+    if np.isnan(held).all() or problem.law.acts_across or not (balanced or not descent.compared):
+        return found
+    nuisance[:, 0] = np.where(np.isnan(held), nuisance[:, 0], np.log(held))
+    mode = problem.observed.mode(problem.split(found.parameters)[2])
+    alone = descent
+    if not descent.compared:
+        alone = ErrorsInVariables(problem, _forward(problem, found.parameters, mode, 1))
+        alone.scale = descent.scale
+    line = replace(alone.linearise(found.parameters, nuisance), residual=found.residual)
+    place = found.parameters, found.nuisance, _rules(problem, mode), found.used
+    there = summarise(line, *place, converged=found.converged)
+    return replace(there, misfit=found.misfit, noise_share=found.noise_share)
 
 
 def fit_balance(

@@ -147,6 +147,18 @@ class Points:
             runs.append(rows[np.argsort(self.omega[rows], kind="stable")])
         return runs
 
+    def held(self, spread: float, counted: NDArray[np.bool_] | bool = True) -> Array:
+        """Amplitude (n,) [m] that levels of several points held within a relative spread [1]; else NaN.
+
+        Only points that are ``counted`` (n,) say so.
+        """
+        held, size = np.full(len(self), np.nan), np.log(self.amplitude)
+        for level in np.unique(self.level):
+            rows = np.flatnonzero((self.level == level) & counted)
+            if len(rows) > 1 and np.std(size[rows]) < spread:
+                held[self.level == level] = np.exp(np.mean(size[rows]))
+        return held
+
     @property
     def record(self) -> NDArray[np.intp] | None:
         """Number (n,) of the record of points of overlapping windows, in order of time; None of others."""
