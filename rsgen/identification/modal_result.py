@@ -14,8 +14,9 @@ are polynomials of X^2, drag and gaps of X, friction of 1/X; a spring that harde
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from math import isfinite
 
 import numpy as np
@@ -26,11 +27,18 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities
 from rsgen.common.solvers import b_splines
 from rsgen.common.text_table import MAX_DIGITS, Brief, Printed, TextTable, short
-from rsgen.common.tolerances import MISFIT_EXPLAINED, RELATIVE_CHANGE_NEGLIGIBLE, interval_sigmas
+from rsgen.common.tolerances import (
+    MISFIT_EXPLAINED,
+    NOISE_RATIO_BY_CHANCE,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    interval_sigmas,
+)
 from rsgen.data.oscillator import Observation
+from rsgen.data.surface.response_surface import HALF_POWER, within_half_power
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.forward import Forward
+from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Background, Estimate
 
 _AMPLITUDE_MARGIN = 0.02
@@ -64,6 +72,13 @@ class SplineBasis:
         if degree and lowest < inner[0]:
             inner = np.concatenate([np.linspace(lowest, inner[0], _INTERVALS_BELOW + 1)[:-1], inner])
         return cls(np.concatenate([[inner[0]] * degree, inner, [inner[-1]] * degree]), degree, power)
+
+    @classmethod
+    def steps(cls, held: Array) -> SplineBasis:
+        """Make functions that are one at one of the amplitudes (l,) [m] held, and zero at others."""
+        between = np.log(held[:-1] * held[1:]) / 2
+        ends = np.log(held[[0, -1]]) + np.log1p(_AMPLITUDE_MARGIN) * np.array([-1, 1])
+        return cls(np.concatenate([ends[:1], between, ends[1:]]), 0, 0)
 
     @property
     def count(self) -> int:
@@ -141,6 +156,8 @@ class ModalSplines(Brief):
     others
         Splines of other shapes and orders that fit as well, with weights: where they differ, as in gaps
         between amplitudes, the points do not determine k and c.
+    held
+        (l,) amplitudes [m] that the levels held; empty where they varied.
     """
 
     basis: SplineBasis
@@ -150,6 +167,7 @@ class ModalSplines(Brief):
     covariance: Array
     freedom: int
     others: tuple[tuple[float, ModalSplines], ...] = ()
+    held: Array = field(default_factory=partial(np.zeros, 0))
 
     @property
     def mass_error(self) -> float:
@@ -160,9 +178,19 @@ class ModalSplines(Brief):
         """Return k [N/m], c [N s/m] at resonance, each (n,), and the covariance of k, c, m (n, 3, 3).
 
         The spread of the other shapes is added to the covariance of noise: model averaging (Burnham and
-        Anderson, Model Selection and Multimodel Inference, 2002, Sec. 4.3).
+        Anderson, Model Selection and Multimodel Inference, 2002, Sec. 4.3). Half way between levels
+        that were held intervals contain every monotone course.
         """
         k, c, errors = self._evaluate(amplitude)
+        if len(self.held) > 1:
+            # between two levels k and c may take any course from one value to the other
+            right = np.clip(np.searchsorted(self.held, amplitude), 1, len(self.held) - 1)
+            margin = RELATIVE_CHANGE_NEGLIGIBLE * np.array([[1], [-1]])
+            ends = np.log(np.stack([self.held[right - 1], self.held[right]])) + margin
+            part = np.clip((np.log(amplitude) - ends[0]) / (ends[1] - ends[0]), 0, 1)
+            values = np.stack(self._evaluate(self.held)[:2], axis=1)
+            course = np.pad(values[right] - values[right - 1], ((0, 0), (0, 1)))
+            errors = errors + (part * (1 - part))[:, None, None] * course[:, :, None] * course[:, None, :]
         for weight, other in self.others:
             k_other, c_other, _ = other._evaluate(amplitude)
             mass = np.full(len(k), other.mass - self.mass)
@@ -192,6 +220,22 @@ class ModalSplines(Brief):
         slopes[:, 1, -1] = by_mass
         slopes[:, 2, -1] = 1.0
         return k, c, slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
+
+    def through(self, held: Array) -> ModalSplines:
+        """Return splines of steps as lines over ln X through their values at the amplitudes held (l,) [m]."""
+        basis = SplineBasis.steps(held)
+        knots = np.concatenate([basis.knots[:1], np.log(held), basis.knots[-1:]])
+        twice = np.pad(np.arange(len(held)), 1, mode="edge")
+        places = np.concatenate([twice + j * len(held) for j in range(1 + len(self.orders))])
+        both = np.append(places, len(self.values))
+        return replace(
+            self,
+            basis=SplineBasis(np.pad(knots, 1, mode="edge"), 1, 0),
+            values=self.values[places],
+            covariance=self.covariance[np.ix_(both, both)],
+            others=tuple((weight, other.through(held)) for weight, other in self.others),
+            held=held,
+        )
 
     def respond(self, amplitude: Array, omega: Array) -> NDArray[np.complex128]:
         """Return the complex force (n,) [N] for amplitudes X [m] of phase zero at frequencies [rad/s]."""
@@ -388,9 +432,70 @@ class ModalTable(Printed):
 _TABLE_ROWS = 21
 
 
-def table_amplitudes(tested: tuple[float, float]) -> Array:
-    """Return amplitudes [m] of equal ratio between two; one where these are the same."""
+def table_amplitudes(tested: tuple[float, float], held: Sequence[float] | Array = ()) -> Array:
+    """Return the amplitudes held between two [m], without any some of equal ratio; one if they are one."""
+    held = np.asarray(held)
+    if len(held):
+        return held[(held >= tested[0]) & (held <= tested[1])]
     return np.geomspace(*tested, _TABLE_ROWS) if tested[1] > tested[0] else np.array(tested[:1])
+
+
+_AMPLITUDE_TOLERANCE = 0.05
+"""Amplitudes that differ by less, relatively, count as one: a coefficient needs an amplitude of its own."""
+
+
+def count_amplitudes(amplitude: Array) -> int:
+    """Count different amplitudes [m]: few in a test with response control."""
+    parts = (np.log(amplitude[rows]) for rows in _alike(amplitude))
+    return sum(max(1, round((part[-1] - part[0]) / _AMPLITUDE_TOLERANCE)) for part in parts)
+
+
+def _alike(amplitude: Array) -> list[NDArray[np.intp]]:
+    """Return rows of amplitudes [m] in ascending order, parted where these differ."""
+    order = np.argsort(amplitude)
+    return np.split(order, np.flatnonzero(np.diff(np.log(amplitude[order])) > _AMPLITUDE_TOLERANCE) + 1)
+
+
+def held_amplitudes(mode: Points) -> Array:
+    """Amplitude (n,) [m] that each level held, one number for those that hardly differ; NaN if one varied."""
+    held = mode.held(_AMPLITUDE_TOLERANCE)
+    if np.isnan(held).any():
+        return np.full(len(held), np.nan)
+    for rows in _alike(held):
+        held[rows] = np.mean(held[rows])
+    return held
+
+
+def harmonics_error(points: Points, noise: float) -> float:
+    """Relative error of the mass that one harmonic leaves: the kinetic energy of the others, as measured.
+
+    Higher harmonics follow the fundamental as n_h/(m h^2 omega^2), so that they add to k what falls with
+    omega^2, as more mass would; of a force proportional to X it is the sum of (h^2 - 1) |X_h|^2/X^2.
+    Harmonics no larger than the relative noise of real and imaginary part do not count.
+    """
+    orders = np.arange(2, points.harmonics.shape[1])
+    squares = np.abs(points.harmonics[:, 2:]) ** 2 / points.amplitude[:, None] ** 2
+    seen = np.mean(squares, axis=0) > 2 * (NOISE_RATIO_BY_CHANCE * noise) ** 2
+    return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
+
+
+def holes(mode: Points, held: Array, held_out: Array) -> tuple[Finding, ...]:
+    """Find amplitudes that the table only interpolates: between those held (l,) [m], or of levels held out.
+
+    ``held_out`` has the amplitudes of the latter near resonance. None or one, the widest.
+    """
+    near = mode.select(within_half_power(mode.force, mode.harmonics[:, 1]))
+    size = held if len(held) else np.sort(near.amplitude)
+    ratio = size[1:] / size[:-1]
+    if not len(held):
+        ratio[~np.isin(np.arange(1, len(size)), np.searchsorted(size, held_out))] = 1.0
+    if not (len(ratio) and ratio.max() * HALF_POWER > 1):
+        return ()
+    low = int(np.argmax(ratio))
+    numbers = quantities("m", low=size[low], high=size[low + 1])
+    if len(held):
+        return (Finding("modal-hole", "info", "", numbers, {"by": "held"}),)
+    return (Finding("modal-hole", "warning", "", numbers),)
 
 
 def scattered(misfit: float) -> tuple[Finding, ...]:

@@ -33,7 +33,6 @@ from rsgen.common.tolerances import (
     MAX_ALTERNATIONS,
     MAX_LIGHT_DAMPING_RATIO,
     MISFIT_OF_NOISE,
-    NOISE_RATIO_BY_CHANCE,
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
     interval_sigmas,
@@ -41,7 +40,12 @@ from rsgen.common.tolerances import (
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, without_copies
+from rsgen.data.surface.response_surface import (
+    ResponseSurface,
+    typical_amounts,
+    within_half_power,
+    without_copies,
+)
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.forward import ErrorsInVariables
 from rsgen.identification.fitting.least_squares import Regression, Rules, fit
@@ -67,6 +71,10 @@ from rsgen.identification.modal_result import (
     ModalTest,
     SplineBasis,
     SplineMode,
+    count_amplitudes,
+    harmonics_error,
+    held_amplitudes,
+    holes,
     known_columns,
     scattered,
     table_amplitudes,
@@ -100,27 +108,32 @@ _CURVED_DEGREE = 2
 
 _MIN_POINTS_A_COEFFICIENT = 2
 
-_AMPLITUDE_TOLERANCE = 0.05
-"""Amplitudes that differ by less, relatively, count as one: a coefficient needs an amplitude of its own."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModePoints:
     """The points as observed, the same without a first background, and the amplitudes near resonance [m].
 
     ``first`` has the mass of the polynomial law with which the first background was found, its standard
-    error [kg], and the misfit of this law; NaN without a background.
+    error [kg], and the misfit of this law; NaN without a background. ``held`` (n,) has the amplitudes [m]
+    that the levels held, those that hardly differ as one; NaN where one of them varied.
     """
 
     observed: Observed
     mode: Points
     background: Array
     tested: tuple[float, float]
+    held: Array
     first: tuple[float, float, float] = (nan, nan, nan)
 
     def select(self, rows: NDArray[np.intp]) -> ModePoints:
         """Keep some points."""
-        return replace(self, observed=self.observed.select(rows), mode=self.mode.select(rows))
+        observed, mode = self.observed.select(rows), self.mode.select(rows)
+        return replace(self, observed=observed, mode=mode, held=self.held[rows])
+
+    @property
+    def levels(self) -> Array:
+        """Amplitudes (l,) [m] that were held; none where they varied."""
+        return np.unique(self.held[np.isfinite(self.held)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,14 +230,19 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     mode = seen.mode
     size = mode.amplitude[mode.amplitude >= seen.tested[0]]
     # more amplitudes than coefficients; two amplitudes give a line
-    most = min(len(size) // _MIN_POINTS_A_COEFFICIENT, max(_count_amplitudes(size) - 1, 2))
+    most = min(len(size) // _MIN_POINTS_A_COEFFICIENT, max(count_amplitudes(size) - 1, 2))
     allowed = [s for s in _SHAPES if not s[0] or sum(s) <= most]
     shapes = [(*shape, power) for shape in allowed for power in _POWERS]
+    if len(seen.levels):
+        # a value of k and c for each: the splines never follow the noise of an amplitude
+        allowed, shapes = [_SHAPES[0]], [(*_SHAPES[0], _POWERS[0])]
     wide = float(mode.omega.max() / mode.omega.min()) > _MIN_FREQUENCY_RATIO
     trials = _DAMPING_POWERS if wide else _DAMPING_POWERS[:1]
     some = seen.select(mode.spread(COMPARISON_POINTS))
 
     def trial(part: ModePoints, shape: tuple[int, int, int], orders: tuple[int, ...]) -> ModeProblem:
+        if len(seen.levels):
+            return ModeProblem(part, SplineBasis.steps(seen.levels), orders, mass)
         return ModeProblem(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
 
     shape, orders = (*allowed[min(_FIRST_SHAPE, len(allowed) - 1)], _POWERS[0]), trials[0]
@@ -240,7 +258,7 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     likely = _likely([(_weighted_price(one), one) for one in (trial(some, shape, o) for o in trials)])
     orders = max(likely, key=lambda entry: entry[0])[1].orders
     chosen = trial(seen, _next_shape(shape, allowed), orders)
-    others = _averaged_shapes([trial(some, candidate, orders) for candidate in shapes])
+    others = [] if len(seen.levels) else _averaged_shapes([trial(some, one, orders) for one in shapes])
     others += [entry for entry in likely if entry[1].orders != orders]
     return replace(chosen, others=tuple((weight, replace(other, seen=seen)) for weight, other in others))
 
@@ -272,13 +290,6 @@ def _averaged_shapes(trials: list[ModeProblem]) -> list[tuple[float, ModeProblem
         return _likely(priced)
     of_power = [[entry for entry in priced if entry[1].basis.power == power] for power in _POWERS]
     return [(1 / len(of_power), min(entries, key=lambda entry: entry[0])[1]) for entries in of_power]
-
-
-def _count_amplitudes(amplitude: Array) -> int:
-    """Count different amplitudes [m]: few in a test with response control."""
-    place = np.sort(np.log(amplitude))
-    edges = np.flatnonzero(np.diff(place) > _AMPLITUDE_TOLERANCE) + 1
-    return sum(max(1, round((part[-1] - part[0]) / _AMPLITUDE_TOLERANCE)) for part in np.split(place, edges))
 
 
 def _next_shape(shape: tuple[int, int, int], allowed: list[tuple[int, int]]) -> tuple[int, int, int]:
@@ -402,8 +413,7 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
         first = found.mass, float(np.sqrt(error[len(found.values), len(found.values)])), whole.sigma
         receptance = observed.background.receptance(background)
         mode = observed.background.subtract(with_phase(points, found, receptance), background)
-    stiffness = mode.force / mode.harmonics[:, 1]
-    near = np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness)
+    near = within_half_power(mode.force, mode.harmonics[:, 1])
     if np.count_nonzero(near) < MIN_POINTS:
         raise RsgenError(
             f"modal table: {np.count_nonzero(near)} points lie within 45 degrees of resonance; "
@@ -415,7 +425,8 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
             "modal table: near resonance the response leads the force, so that the structure would feed the "
             "exciter; look at the sign, sense and quantity of the response"
         )
-    size = mode.amplitude
+    held = held_amplitudes(mode)
+    size = mode.amplitude if np.isnan(held).any() else held
     tested = float(size[near].min()), float(size[near].max())
     # smaller motions determine the background only
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
@@ -426,7 +437,7 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
             f"modal table: points at phase resonance lie near {gap.low:.4g} and near {gap.high:.4g} Hz, on "
             "the backbones of two modes; a band with one of them is needed"
         )
-    return ModePoints(observed, mode, background, tested, first).select(rows)
+    return ModePoints(observed, mode, background, tested, held, first).select(rows)
 
 
 def _mass_hidden(modal: ModeProblem, found: Regression) -> bool:
@@ -490,19 +501,6 @@ def _at_phase_resonance(seen: ModePoints, lag_error: float) -> tuple[ModeProblem
     return modal, replace(found, covariance=found.covariance + error)
 
 
-def _harmonics_error(points: Points, noise: float) -> float:
-    """Relative error of the mass that one harmonic leaves: the kinetic energy of the others, as measured.
-
-    Higher harmonics follow the fundamental as n_h/(m h^2 omega^2), so that they add to k what falls with
-    omega^2, as more mass would; of a force proportional to X it is the sum of (h^2 - 1) |X_h|^2/X^2.
-    Harmonics no larger than the relative noise of real and imaginary part do not count.
-    """
-    orders = np.arange(2, points.harmonics.shape[1])
-    squares = np.abs(points.harmonics[:, 2:]) ** 2 / points.amplitude[:, None] ** 2
-    seen = np.mean(squares, axis=0) > 2 * (NOISE_RATIO_BY_CHANCE * noise) ** 2
-    return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
-
-
 def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTest:
     """Return the test as predictions need it."""
     points = modal.observed.points
@@ -528,6 +526,12 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
     )
 
 
+def _held_out(surface: ResponseSurface, model: Model) -> Array:
+    """Return the amplitudes [m] near resonance of the levels held out."""
+    out = surface.select(np.flatnonzero(surface.held_out(model.observation.hold_out) & surface.settled))
+    return out.amplitude[within_half_power(out.force, out.harmonics[:, 1])]
+
+
 def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
     """Return the shapes that fit as well, as splines without errors of their own.
 
@@ -550,7 +554,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     # neglected harmonics change stiffness and a fitted mass by one factor, and no frequency
     together = np.zeros(modal.count)
     together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
-    together *= (modal.free[modal.coefficients] or modal.mass_error > 0) * _harmonics_error(
+    together *= (modal.free[modal.coefficients] or modal.mass_error > 0) * harmonics_error(
         modal.observed.points, found.sigma
     )
     covariance = found.covariance[: modal.count, : modal.count] + np.outer(together, together)
@@ -568,7 +572,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     misfit = found.rms_misfit
     test = _modal_test(modal, found, surface, model)
     findings += () if test.background is None else test.background.findings
-    findings += scattered(misfit)
+    findings += scattered(misfit) + holes(modal.seen.mode, modal.seen.levels, _held_out(surface, model))
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
@@ -576,8 +580,11 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     splines = ModalSplines(
         modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
     )
+    levels = modal.seen.levels
+    if len(levels):
+        splines = splines.through(levels)
     return ModalTable(
-        amplitude=table_amplitudes(tested),
+        amplitude=table_amplitudes(tested, levels),
         splines=splines,
         known=known,
         tested=tested,

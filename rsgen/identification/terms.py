@@ -191,9 +191,10 @@ def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, f
     """Find a delay that takes up most of a misfit, to first order, and no less than what leaves ``least``.
 
     Nor less than backgrounds, which leave ``left_by``. A narrow band does not tell it from a phase error.
+    A fit that did not converge says nothing of it.
     """
     points = fit.problem.observed.points
-    if not points.phase_known or points.far.size:
+    if not (points.phase_known and fit.regression.converged) or points.far.size:
         return None
     step = _PHASE_OF_STEP / float(points.omega.max())
     residual, matrix, column = _by_force(fit, np.exp(-1j * step * points.omega))

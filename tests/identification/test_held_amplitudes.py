@@ -1,9 +1,13 @@
 """Response control: one held amplitude gives one stiffness and one damping, whatever the noise of it says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import rsgen as rs
+from rsgen.data.surface.plausibility import level_findings
+from rsgen.identification.terms import delay_finding
 
 MASS, K, C, K3 = 1.3, 30000.0, 12.0, 4e10
 LAW = "k*x + c*v + k3*x**3"
@@ -35,4 +39,106 @@ def test_two_held_amplitudes_determine_two_stiffnesses(seed):
     found = rs.identify(held(1e-4, 3e-4, seed=seed), LAW, mass=MASS)
     for name, true in (("k", K), ("k3", K3), ("c", C)):
         low, high = found[name].interval
-        assert low < true < high and found[name].identifiable
+        assert low < true < high
+        assert found[name].identifiable
+
+
+def joint(amplitude):
+    """Return k [N/m] and c [N s/m] at 150 rad/s of a spring, a damper and a Jenkins element that slips."""
+    stiffness, slip, found = 14000.0, 2.0, []
+    for size in np.atleast_1d(amplitude):
+        angle = np.arccos(np.clip(1 - 2 * slip / (stiffness * size), -1, 1))
+        elastic = stiffness / np.pi * (angle - np.sin(2 * angle) / 2)
+        lost = 4 * slip * max(size - slip / stiffness, 0.0)
+        found.append((30000 + elastic, 5 + lost / (np.pi * 150 * size**2)))
+    return np.transpose(found)
+
+
+def slipping(*levels: float) -> rs.ResponseSurface:
+    """Make a test of the joint at held amplitudes [m]."""
+    random = np.random.default_rng(1)
+    level, frequency = (part.ravel() for part in np.meshgrid(levels, np.linspace(21, 32, 45), indexing="ij"))
+    omega, count = 2 * np.pi * frequency, len(level)
+    stiffness, damping = joint(level)
+    force = level * (stiffness - MASS * omega**2 + 1j * omega * damping)
+    force *= 1 + 0.0035 * (random.standard_normal(count) + 1j * random.standard_normal(count))
+    size = level * (1 + 0.003 * random.standard_normal(count))
+    return rs.ResponseSurface(level, frequency, force, size + 0j, control="response")
+
+
+def test_the_modal_table_has_a_row_a_level_and_no_course_between_that_it_cannot_know():
+    held = (2e-5, 6e-5, 1.5e-4, 3e-4, 6e-4)
+    table = rs.modal_table(slipping(*held), mass=MASS)
+    assert table.amplitude == pytest.approx(held, rel=2e-3)
+    stiffness, damping = joint(table.amplitude)
+    # it was 2600 N/m and 12 N s/m
+    assert np.all(table.stiffness_upper - table.stiffness < 20)
+    assert np.all(table.damping_upper - table.damping < 0.1)
+    assert np.all(np.abs(table.stiffness - stiffness) < 1.5 * (table.stiffness_upper - table.stiffness))
+    assert np.all(np.abs(table.damping - damping) < 1.5 * (table.damping_upper - table.damping))
+    between = table.at(np.geomspace(2.1e-5, 5.9e-4, 40))
+    stiffness, damping = joint(between.amplitude)
+    # but next to a corner
+    assert np.mean((between.stiffness_lower < stiffness) & (stiffness < between.stiffness_upper)) > 0.9
+    assert np.mean((between.damping_lower < damping) & (damping < between.damping_upper)) > 0.85
+    (hole,) = table.findings
+    assert (hole.code, hole.severity) == ("modal-hole", "info")
+    assert hole["low"] == pytest.approx(2e-5, rel=2e-3)
+    assert hole["high"] == pytest.approx(6e-5, rel=2e-3)
+
+
+def test_a_level_held_out_that_leaves_a_hole_in_the_modal_table_is_said():
+    plan = rs.SimulatedTest(level=[1.0, 2.5, 6.0], frequency=np.linspace(8, 12, 60))
+    test = rs.simulate(rs.Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 1e5, "c": 4.0}), plan)
+    assert "modal-hole" not in [found.code for found in rs.modal_table(test).findings]
+    table = rs.modal_table(test, rs.Observation(hold_out=[2.5]))
+    (hole,) = (found for found in table.findings if found.code == "modal-hole")
+    assert hole.severity == "warning"
+    assert "where a level is held out" in rs.sentence(hole)
+
+
+def test_real_amplitudes_with_a_complex_force_are_its_phase_reference():
+    test = held(3e-4, seed=0)
+    for phase_known in (True, False):
+        with pytest.raises(rs.RsgenError, match=r"amplitude \+ 0j"):
+            rs.ResponseSurface(
+                test.level, test.frequency, test.force, test.amplitude, phase_known=phase_known
+            )
+
+
+@pytest.mark.parametrize(
+    ("level", "control", "said"),
+    [
+        (1.0, "force", "the test held its response"),
+        (1000.0, "response", "the amplitude that was held is 300 µm, 0.001 times as much"),
+        (None, "response", "as where the measured amplitudes were given as levels"),
+        (1.0, "response", ""),
+    ],
+)
+def test_levels_are_compared_with_the_amplitudes_that_were_held(level, control, said):
+    test = held(1e-4, 3e-4, seed=0)
+    levels = test.amplitude if level is None else level * test.level
+    surface = rs.ResponseSurface(levels, test.frequency, test.force, test.harmonics[:, 1], control=control)
+    found = [rs.sentence(one) for one in level_findings(surface)]
+    assert len(found) == bool(said)
+    assert said in "".join(found)
+
+
+def test_a_ranking_says_that_the_structure_feeds_its_exciter():
+    test = held(1e-4, 3e-4, seed=0)
+    turned = rs.ResponseSurface(
+        test.level, test.frequency, test.force.conj(), test.harmonics[:, 1], control="response"
+    )
+    ranking = rs.rank(turned, ["k*x + c*v"], mass=MASS, terms_in_sum=1)
+    assert ranking.verdict.decided_by[0].code == "structure-feeds-exciter"
+
+
+def test_a_fit_that_did_not_converge_blames_no_delay():
+    test = held(1e-4, 3e-4, seed=0)
+    late = test.harmonics[:, 1] * np.exp(-2e-3j * test.omega)
+    fit = rs.identify(rs.ResponseSurface(test.level, test.frequency, test.force, late), LAW).fit
+    assert fit is not None
+    misfit = fit.regression.rms_misfit
+    assert delay_finding(fit, misfit, misfit, {}) is not None
+    ended = replace(fit, regression=replace(fit.regression, converged=False))
+    assert delay_finding(ended, misfit, misfit, {}) is None

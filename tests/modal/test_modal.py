@@ -12,8 +12,8 @@ from rsgen.common.tolerances import interval_sigmas
 from rsgen.data.oscillator import Model, Observation
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import Points, select_points
-from rsgen.identification.modal_result import ModalSplines, SplineBasis, other_mass
-from rsgen.identification.modal_table import ModePoints, ModeProblem, _harmonics_error
+from rsgen.identification.modal_result import ModalSplines, SplineBasis, harmonics_error, other_mass
+from rsgen.identification.modal_table import ModePoints, ModeProblem
 from rsgen.report.page_tables import tabulate_mode
 from tests.samples import C1, K1, KN1, MASS, cubic_surface
 from tests.surfaces import noisy, without_phase
@@ -261,7 +261,7 @@ def test_the_mass_lacks_the_kinetic_energy_of_the_harmonics():
     # of x = X cos(wt) + 0.1 X cos(3wt) + 0.05 X cos(2wt): 9 * 0.01 + 4 * 0.0025 of the fundamental's
     harmonics = np.zeros((8, 4), dtype=complex)
     harmonics[:, 1:] = np.linspace(1e-3, 8e-3, 8)[:, None] * np.array([1.0, 0.05j, 0.1])
-    assert _harmonics_error(points_of(harmonics), 1e-4) == pytest.approx(0.10, rel=1e-9)
+    assert harmonics_error(points_of(harmonics), 1e-4) == pytest.approx(0.10, rel=1e-9)
 
 
 def test_few_points_make_coefficients_dear():
@@ -271,7 +271,7 @@ def test_few_points_make_coefficients_dear():
     harmonics[:, 1] = np.linspace(1e-3, 8e-3, 8)
     points = points_of(harmonics, noise=0.01)
     tested = (1e-3, 8e-3)
-    seen = ModePoints(Observed.of(points), points, np.zeros(0), tested)
+    seen = ModePoints(Observed.of(points), points, np.zeros(0), tested, np.full(8, np.nan))
     problem = ModeProblem(seen, SplineBasis.over(points.amplitude, tested, 0, 1, 1), (1,), np.nan)
     found, price = problem.solve()
     size = np.abs(points.force)

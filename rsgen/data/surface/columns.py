@@ -74,8 +74,13 @@ def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     return array
 
 
-def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int) -> NDArray[Any]:
-    """Return harmonics (n, H+1) [m], mean first, of a response or of harmonics; errors name the argument."""
+def response_columns(
+    response: Any, harmonics: Any, phase_known: bool, rows: int, force: Any = 0.0
+) -> NDArray[Any]:
+    """Return harmonics (n, H+1) [m], mean first, of a response or of harmonics; errors name the argument.
+
+    Real amplitudes with a complex ``force`` are its phase reference, and their phase is known.
+    """
     if (response is None) == (harmonics is None):
         raise RsgenError("surface: give the response once, as response= or as harmonics=")
     if harmonics is not None:
@@ -83,7 +88,14 @@ def response_columns(response: Any, harmonics: Any, phase_known: bool, rows: int
     array = np.asarray(unmasked(response))
     if array.ndim > 1 and not (phase_known and array.dtype.kind in "biuf"):
         return column(array, "response", (rows, -1))
-    if phase_known and array.size and array.dtype.kind in "biuf":
+    real, turned = array.size and array.dtype.kind in "biuf", bool(np.any(np.imag(unmasked(force))))
+    if real and turned:
+        raise RsgenError(
+            "surface.response: real numbers with a complex force; where the response is the phase "
+            "reference of the force, give response = amplitude + 0j (and leave out phase_known=False); "
+            "otherwise the complex fundamental X = amplitude * exp(-1j * lag)"
+        )
+    if phase_known and real:
         raise RsgenError(
             "surface.response: real numbers have no phase; give the complex fundamental "
             "X = amplitude * exp(-1j * lag) of shape (n,), complex harmonics (n, H+1), mean first, "

@@ -182,29 +182,36 @@ def plausibility_findings(
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     """Return a finding if forces are the levels in another unit, in another order, or not of their responses.
 
-    Where at two levels or more the force is the level times one factor, one of them was read in another unit
-    or with another gain; where it is another one at the fewer levels, these are wrong. A shaker loses force
-    smoothly towards a resonance: where forces of neighbours in frequency differ and those of levels do not,
-    the columns do not belong together. A decay has no shaker."""
-    if surface.level_unit != "N" or surface.decays:
+    Where at two levels or more the force, or the amplitude that was held, is the level times one factor, one
+    of them was read in another unit or with another gain; where it is another at the fewer levels, these are
+    wrong. A shaker loses force smoothly towards a resonance: where forces of neighbours in frequency differ
+    and those of levels do not, the columns do not belong together."""
+    held, unit = surface.response_held, surface.level_unit
+    if surface.decays or not (held or unit == "N"):
         return
     rows = _usable(surface)
-    level, force = surface.level[rows], np.abs(surface.force[rows])
-    levels = np.unique(level[level > 0])
+    level, size = surface.level[rows], surface.amplitude[rows]
+    force, levels = size if held else np.abs(surface.force[rows]), np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
-    yield from misnamed_levels(levels, typical, surface.findings)
+    names, near = {"by": "amplitude"} if held else {}, np.abs(np.log(size[level > 0] / level[level > 0]))
+    if not held and len(levels) and near.max() < np.log(LEVEL_TOLERANCE):
+        names, numbers = {"by": "response"}, quantities(unit, level=levels[-1], force=typical[-1])
+        yield Finding("levels-disagree", "doubt", "", numbers, names)
+        return
+    if not held:
+        yield from misnamed_levels(levels, typical, surface.findings)
     # shakers lose force near a resonance: a level between the forces there and the largest is as it should be
     near = typical_amounts(surface.select(rows[level > 0]))
     measured = np.stack([near, *np.array([np.quantile(force[level == one], [0.1, 0.9]) for one in levels]).T])
     ratio = np.log(np.clip(levels, measured.min(axis=0), measured.max(axis=0)) / levels)
     if len(levels) > 1 and np.ptp(ratio) < (tolerance := np.log(LEVEL_TOLERANCE)):
         thousands = np.rint(np.median(ratio) / np.log(1000)) * np.log(1000)
-        unit = thousands and np.max(np.abs(ratio - thousands)) < tolerance
+        kilo = thousands and np.max(np.abs(ratio - thousands)) < tolerance
         rms = np.max(np.abs(np.abs(ratio) - np.log(2) / 2)) < np.log(1 + RELATIVE_CHANGE_NEGLIGIBLE)
         if rms or np.min(np.abs(ratio)) > tolerance:
-            numbers = {"level": Quantity(float(levels[-1]), "N"), "force": Quantity(float(typical[-1]), "N")}
+            numbers = quantities(unit, level=levels[-1], force=typical[-1])
             numbers["ratio"] = Quantity(float(np.exp(np.median(ratio))))
-            yield Finding("levels-in-other-unit", "doubt" if unit else "warning", "", numbers)
+            yield Finding("levels-in-other-unit", "doubt" if kilo else "warning", "", numbers, names)
     order = np.lexsort((surface.frequency[rows], surface.sweep[rows], level))
     size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
@@ -212,12 +219,13 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     distinct = len(levels) < 2 or np.ptp(means) > np.log(LEVEL_TOLERANCE)
     if not distinct and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
         low, high = np.quantile(np.exp(size[level == levels[-1]]), [0.1, 0.9])
-        amounts = {"level": levels[-1], "low": low, "high": high}
-        numbers = {name: Quantity(float(amount), "N") for name, amount in amounts.items()}
-        yield Finding("levels-disagree", "doubt", "", numbers)
-    if 1 < len(levels) == len(rows) and surface.control == "force":
-        yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)))
-    if surface.control == "force":  # loops have motions that no held force has
+        numbers = quantities(unit, level=levels[-1], low=low, high=high)
+        yield Finding("levels-disagree", "doubt", "", numbers, names)
+    by_force = surface.control == "force"  # loops have motions that no held force has
+    close = len(levels) > 1 and np.median(np.diff(levels) / levels[1:]) < RELATIVE_CHANGE_NEGLIGIBLE
+    if 1 < len(levels) == len(rows) and (by_force or close):
+        yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
+    if by_force:
         yield from _exchanged_levels(surface, rows)
 
 

@@ -44,6 +44,12 @@ HALF_POWER = 1 / np.sqrt(2)
 quarter period), are near the resonance: within half power."""
 
 
+def within_half_power(force: ComplexArray, response: ComplexArray) -> NDArray[np.bool_]:
+    """Return True (n,) where a response lags its force by a quarter period, within 45 degrees."""
+    stiffness = force / response
+    return np.asarray(np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness))
+
+
 def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
     """Return the measured amount of each of ``surface.levels``: a force [N], or a controlled amplitude [m].
 
@@ -267,7 +273,7 @@ class ResponseSurface(Records):
             "frequency": column(frequency, "frequency", (n,)),
             "level": column(level, "level", (n,)),
             **force_columns(force, force_harmonics, n),
-            "harmonics": response_columns(response, harmonics, phase_known, n),
+            "harmonics": response_columns(response, harmonics, phase_known, n, force),
             "peak": column(np.full((n, 2), np.nan) if peak is None else peak, "peak", (n, 2)),
             "residual": column(np.nan if residual is None else residual, "residual", (n,)),
             "error": column(np.nan if error is None else error, "error", (n,)),

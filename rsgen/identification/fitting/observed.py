@@ -131,6 +131,11 @@ class Observed:
         """Number of nuisances of force and fundamental: the size, and the phase if it was recorded."""
         return 1 + self.recorded.count(1)
 
+    @property
+    def feeds_exciter(self) -> bool:
+        """True if by the points alone, which no background turns, the structure feeds its exciter."""
+        return self.direct and self.points.feed_exciter
+
     def turn(self, nuisance: Array) -> Array:
         """Return the phase (n,) of the model's reference [rad], zero without recorded phases."""
         return np.asarray(nuisance[:, 1 : self.parts].sum(axis=1))

@@ -167,9 +167,9 @@ def rank(
         require(surface, ResponseSurface, "surface")
         sensors = sensors_of(elements, int(surface.across.size > 0))
         surface = checked(surface)
-        # no sum makes up for channels that were misread
-        terms_in_sum = 1 if is_misread(surface) else terms_in_sum
         test = PointTest(*per_unit_mass(without_copies(surface), base), laws.values(), sensors)
+        # no sum makes up for misread channels
+        terms_in_sum = 1 if is_misread(surface) or test.observed.feeds_exciter else terms_in_sum
     given = tuple(test.start(name, elements) for name, elements in laws.items())
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
@@ -418,6 +418,8 @@ def _ranking(
         if f.severity in ("doubt", "error")
         or f.code in ("law-does-not-fit", "even-terms-not-seen", "sensor-offset")
     ]
+    if found is None and isinstance(test, PointTest) and test.observed.feeds_exciter:
+        doubts.insert(0, Finding("structure-feeds-exciter", "error"))
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
