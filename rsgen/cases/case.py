@@ -28,7 +28,7 @@ from rsgen.describing.derivation import derive
 from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.transients import DecayTest, SweepTest
 from rsgen.dynamics.virtual_test import MultisineTest, SimulatedTest, VirtualTest, free_mean_fault
-from rsgen.files.plan import Excitation, HistoryRule, MeasuredTest
+from rsgen.files.plan import LABEL, Excitation, HistoryRule, MeasuredTest
 from rsgen.files.signals import combination
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.names import Structural
@@ -294,6 +294,8 @@ def make_measured(
         maker.units = {"N": "m"}
     elif table.base is not None:
         maker.units = {"N": BASE_UNITS[_base_quantity(table)]}
+    if getattr(table.level, "unit", None) == LABEL:
+        maker.units["label"] = ""
     timed = table.excitation != "steady"
     known: dict[str, Any] = {"calibrated": calibrated, "history": None, "across": across}
     if timed:

@@ -112,17 +112,19 @@ def make_simulated(table: Any, maker: Maker) -> VirtualTest:
     return test
 
 
+_AS_LABEL = (
+    '; for levels by names of sheets or files: unit = "label" and name = "{level} V" under [test.level]'
+)
+
+
 def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
     before = len(maker.faults)
     observation = maker.make(Observation, table, "identify")
-    if isinstance(test, MeasuredTest) and test.level.labels:
-        # of a label no unit is known
+    if isinstance(test, MeasuredTest) and not (test.level.known or test.history):
+        # the name of a run or sheet, which may be a level's
         maker.faults[before:] = [
-            f"{fault}; of a level that is a label ([test.level]) write the number alone"
-            if ".hold_out." in fault
-            else fault
-            for fault in maker.faults[before:]
+            f"{fault}{_AS_LABEL * ('.hold_out.' in fault)}" for fault in maker.faults[before:]
         ]
     unit = maker.units.get("N", "N")
     planned, levels = test.planned_levels, list[float]()

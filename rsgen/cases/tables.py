@@ -6,6 +6,7 @@ table into the object: texts with units become SI numbers, lists tuples, grids a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, is_dataclass, replace
 from itertools import pairwise
@@ -360,6 +361,10 @@ def _find(table: Any, key: str) -> Any:
     return table
 
 
+_LABEL = re.compile(r"\s*([+-]?\d{1,30}(?:\.\d{1,30})?) ?([^\W\d]{1,30}|%)\s*")
+"""A number with any unit, as labels of levels may be written."""
+
+
 @dataclass(slots=True)
 class Maker:
     """Turns checked tables into objects and collects what is wrong.
@@ -369,7 +374,8 @@ class Maker:
     folders
         Where data files are looked for, in this order.
     units
-        Units that stand for declared ones: {"N": "m"} where levels are displacements; None takes any.
+        Units that stand for declared ones: {"N": "m"} where levels are displacements; None takes any. Where
+        levels are labels, "label" has the unit of their texts, "" before the first.
     faults
         One sentence a fault, each with its key.
     """
@@ -384,12 +390,23 @@ class Maker:
         try:
             found = quantity(sensor_unit(value, unit) if unit and isinstance(value, str) else value, unit)
         except RsgenError as fault:
-            self.faults.append(f"{place}: {reason(fault).replace('standard_gravity', 'g')}")
-            return None
+            label = self._label(value, rule)
+            if label is None:
+                self.faults.append(f"{place}: {reason(fault).replace('standard_gravity', 'g')}")
+                return None
+            found = label
         wrong = rule.fault(found)
         if wrong:
             self.faults.append(f"{place}: {wrong}")
         return None if wrong else found
+
+    def _label(self, value: float | str, rule: Rule) -> float | None:
+        """Return the number of a label, such as "0.25 V"; None of others, or after one in another unit."""
+        label = _LABEL.fullmatch(str(value))
+        if not (rule.label and label and self.units.get("label") in ("", label[2])):
+            return None
+        self.units["label"] = label[2]
+        return float(label[1])
 
     def make(self, cls: type[T], table: Any, place: str, **known: Any) -> T:
         """Make an object from its table; where it has faults, it only serves to find further ones.

@@ -43,6 +43,8 @@ class Rule:
         The key must be given where its table is.
     outside
         The value comes from elsewhere in a case file.
+    label
+        Of a level: where levels are labels, any unit may follow the number.
     """
 
     help: str = ""
@@ -58,6 +60,7 @@ class Rule:
     key: str | None = None
     required: bool = False
     outside: bool = False
+    label: bool = False
 
     def allowed(self, base: Any = float) -> str:
         """Return the allowed values of a type, as the end of a message."""

@@ -224,10 +224,11 @@ def _looked_at_first(stated: StatedVerdict) -> int:
 
 
 def reasons_of(stated: StatedVerdict) -> list[str]:
-    """Return what decided; what may follow from a misreading by its codes alone, in one sentence."""
+    """Return what decided; of what may follow from a misreading the number alone."""
     first = _looked_at_first(stated)
-    rest = ", ".join(dict.fromkeys(decided["code"] for decided in stated["decided_by"][first:]))
-    return stated["sentences"][:first] + [f"What else is found may follow from that: {rest}."] * bool(rest)
+    rest = len(stated["sentences"]) - first
+    more = f"What else is found may follow from that: {rest} finding{'s' * (rest != 1)}."
+    return stated["sentences"][:first] + [more] * bool(rest)
 
 
 def verdict_lines(stated: StatedVerdict) -> list[str]:

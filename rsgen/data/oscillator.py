@@ -72,7 +72,7 @@ class Observation:
         "and above leave it; and one linear mode near the band. With +offset also a displacement of constant "
         "size and phase that does not depend on the force, as pick-up from the generator leaves it.",
     )
-    hold_out: tuple[Annotated[float, Rule(unit="N")], ...] = declare(
+    hold_out: tuple[Annotated[float, Rule(unit="N", label=True)], ...] = declare(
         (),
         "Levels that identification must not see: a number that is a label means the run with it, any other "
         "an amount; prediction is scored on them.",

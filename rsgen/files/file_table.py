@@ -149,6 +149,8 @@ class Table:
         What the header or the path calls each column, or its number.
     units
         The unit that the file names for a column that was not converted; "" where it names none.
+    entries
+        What each of several blocks is called that a * means, such as a sheet; () where there is no *.
     """
 
     label: str
@@ -159,6 +161,7 @@ class Table:
     findings: tuple[Finding, ...] = ()
     names: dict[int | str, str] = field(default_factory=dict)
     units: dict[int | str, str] = field(default_factory=dict)
+    entries: tuple[str, ...] = ()
 
     @property
     def complete(self) -> NDArray[np.bool_]:
@@ -354,7 +357,10 @@ def read_table(
         return Table(label, columns, "line", number, block, findings, names, units)
     # rows of several entries are counted through
     first = groups[0][0].row if len(parts) == 1 else 1
-    return Table(label, columns, "row", first + np.arange(sum(lengths)), block, findings, names, units)
+    number = first + np.arange(sum(lengths))
+    starred = next((g for name, g in zip(wanted, groups, strict=True) if "*" in str(name)), [])
+    entries = tuple(one.path.rpartition("/")[0] or one.path for one in starred)
+    return Table(label, columns, "row", number, block, findings, names, units, entries)
 
 
 # ----------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import MeasurementError, RsgenError, shown_path
+from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.history import (
@@ -37,6 +38,7 @@ from rsgen.files.histories import read_motions
 from rsgen.files.nominal_levels import (
     amplitude_steps,
     assign_levels,
+    level_in_name,
     level_of_file,
     name_levels,
     runs_of_one_level,
@@ -211,6 +213,9 @@ class _Part:
 
 def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
     """Return the level of each row [N]; None where it follows from the forces of all files."""
+    if test.level.name is not None and len(table.entries) > 1 == len(test.files):
+        named = [level_in_name(test, name, f"{table.label}: {quote(name)}") for name in table.entries]
+        return np.array(named)[table.block]
     alone = level_of_file(test, number)
     if alone is not None:
         return np.full(len(table.number), alone)
@@ -228,6 +233,17 @@ def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
     if not test.level.labels:
         table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
     return level
+
+
+def _order_of_entries(test: MeasuredTest, table: Table) -> list[Finding]:
+    """Find levels that are the numbers in the names of entries, such as sheets, in another order."""
+    numbers = [re.findall(r"\d+(?:\.\d+)?", name) for name in table.entries]
+    found = [float(one[0]) for one in numbers if len(one) == 1]
+    for name, level, number in zip(table.entries, test.level.values, found, strict=False):
+        if level != number and sorted(found) == sorted(test.level.values):
+            names = {"file": table.label, "entry": name}
+            return [Finding("levels-swapped", "doubt", numbers=quantities(level=level), names=names)]
+    return []
 
 
 def _level_factor(test: MeasuredTest, unit: str) -> float:
@@ -276,7 +292,7 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     frequency = raw[keep] * factor
     level = _level(test, number, table)
     force, motions = _driven(sources, frequency, level)
-    doubts = [*doubts, *sources.doubts()]
+    doubts = [*doubts, *sources.doubts(), *_order_of_entries(test, table)]
     # exactly zero is what a channel gives that was not yet read, or an amplitude below the last digit
     silent = (force == 0) | (motions == 0).any(axis=1)
     twice = repeated_rows(frequency, force, motions[:, 0]) & ~silent
@@ -359,7 +375,11 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     level = assign_levels(test, frequency, drive, size, run, block, held)
     followed = test.control == "continuation"
     recognised = test.sweep.direction == "recognise"
-    told = recognise_directions(frequency, level, block) if recognised else test.sweep.direction
+    ordered = recognise_directions(frequency, level, block)
+    told = ordered if recognised else test.sweep.direction
+    if told is not ordered and told == "up" and set(ordered) == {"down"}:
+        # tables are sorted in ascending order only
+        findings.append(Finding("direction-from-branch", "doubt", names={"by": "rows"}))
     sweep = "rest" if followed else told
     nominal = test.level.column is not None and np.array_equal(drive, np.concatenate(levels))
     if nominal or not test.driven:

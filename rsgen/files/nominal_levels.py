@@ -218,29 +218,38 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
         return rule.value
     if rule.values and len(rule.values) == len(test.files):
         return rule.values[number]
-    if rule.name is None:
-        # several values for one file belong to its entries
-        return None
-    name = test.files[number].name
-    before, after = map(star_pattern, rule.name.split("{level}"))
+    # several values for one file belong to its entries
+    file = test.files[number]
+    return None if rule.name is None else level_in_name(test, file.name, shown_path(file))
+
+
+def level_in_name(test: MeasuredTest, name: str, label: str) -> float:
+    """Find the level in the name of a file, or of an entry of one, such as a sheet; messages have ``label``.
+
+    Raises
+    ------
+    MeasurementError
+        As in ``level_of_file``.
+    """
+    form = test.level.name or ""
+    before, after = map(star_pattern, form.split("{level}"))
     numbers = [found for at in range(len(name)) if (found := re.compile(_NUMBER).match(name, at))]
     fitting = [m for m in numbers if before.fullmatch(name[: m.start()]) and after.fullmatch(name[m.end() :])]
     if len(fitting) > 1:
         # of several numbers the one with a unit
         fitting = [m for m in fitting if UNIT_IN_NAME.match(name, m.end())] or fitting
     if len(fitting) != 1:
-        fault = f"its name is not of the form {quote(rule.name)} with a number for {{level}}"
+        fault = f"its name is not of the form {quote(form)} with a number for {{level}}"
         if fitting:
-            fault = f"{' or '.join(m[0] for m in fitting)} may be the level in the form {quote(rule.name)}"
+            fault = f"{' or '.join(m[0] for m in fitting)} may be the level in the form {quote(form)}"
             fault += "; write more of the name around {level}, such as its unit, or give values = [...]"
         else:
             fault += "; or give values = [...]"
-        raise MeasurementError(f"{shown_path(test.files[number])}: {fault}")
+        raise MeasurementError(f"{label}: {fault}")
     level = float(re.sub("[,p]", ".", fitting[0][0])) * test.factor("level")
-    if not (level > 0 or rule.labels):
+    if not (level > 0 or test.level.labels):
         raise MeasurementError(
-            f"{shown_path(test.files[number])}: its name gives a level of {level:g} {test.level_unit}; "
-            "above 0 needed"
+            f"{label}: its name gives a level of {level:g} {test.level_unit}; above 0 needed"
         )
     return level
 
@@ -331,8 +340,11 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     numbers = {"ratio": Quantity(float(np.median(ratio)))} if proportional else {}
     corrected = [f for f in surface.findings if f.code == "sweep-rate" and f.names.get("mass") == "given"]
     numbers |= {"mass": corrected[0].numbers["mass"]} if corrected else {}
-    finding = Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)
-    return replace(renamed, findings=(*surface.findings, finding))
+    found = [Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)]
+    if test.level.labels and len(levels) > 2 and np.any(levels % 1) and np.all(np.diff(typical) < 0):
+        # whole numbers may count the runs, others are amounts of a drive
+        found += _order_findings(surface, levels, typical, labels=True)
+    return replace(renamed, findings=(*surface.findings, *found))
 
 
 def runs_of_one_level(runs: Iterable[tuple[str, float, float]], unit: str) -> list[Finding]:
@@ -353,12 +365,14 @@ def runs_of_one_level(runs: Iterable[tuple[str, float, float]], unit: str) -> li
     return []
 
 
-def _order_findings(surface: ResponseSurface, levels: Array, median: Array) -> list[Finding]:
+def _order_findings(
+    surface: ResponseSurface, levels: Array, median: Array, labels: bool = False
+) -> list[Finding]:
     """Find two levels of which the lower one was driven harder: their labels or files are swapped."""
     unit = surface.level_unit
     for i in range(len(levels) - 1):
         if median[i] > median[i + 1] * (1 + _MAX_LEVEL_SPREAD):
-            numbers = quantities(unit, low=levels[i], high=levels[i + 1])
+            numbers = quantities("" if labels else unit, low=levels[i], high=levels[i + 1])
             numbers |= quantities(unit, low_measured=median[i], high_measured=median[i + 1])
             return [Finding("levels-swapped", "doubt", numbers=numbers)]
     return []

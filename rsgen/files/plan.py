@@ -49,7 +49,7 @@ else:
     FormatName = Literal["auto", "csv", *FORMATS]
 Excitation = Literal["swept-sine", "stepped-sine", "ring-down", "multisine"]
 Hertz = Annotated[float, Rule(unit="Hz", above=0)]
-Newton = Annotated[float, Rule(unit="N", above=0)]
+Newton = Annotated[float, Rule(unit="N", above=0, label=True)]
 Edge = Annotated[float, Rule(unit="Hz", at_least=0)]
 _SHA256 = Rule(pattern="[0-9a-f]{64}", what="a SHA-256 of 64 signs 0-9 a-f")
 
@@ -106,7 +106,7 @@ class LevelRule(Checked):
     name: str | None = declare(
         None,
         'The form of the files\' names, such as "sweep_{level}N.mat"; a * is one character or more: '
-        '"rep*_{level}N_*.mat".',
+        '"rep*_{level}N_*.mat". Of one file with columns such as "* V/F" that of its sheets: "{level} V".',
         most=2_000,
     )
     unit: Unit | None = declare(
@@ -276,6 +276,7 @@ class MeasuredTest(PlannedTest):
         if self.level.spread is not None and self.control == "response":
             yield "level.spread", "groups forces, but the response was held; leave one of them out"
         if self.history is None:
+            yield from _faults_of_sheets(self)
             if self.frequency is None:
                 yield "frequency", "is missing; its column is needed"
             what = "force" if self.base is None else "base"
@@ -502,6 +503,21 @@ def _quantity_faults(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     own = test.quantity_of("response")
     if test.response.channels is None and test.quantity not in (None, own):
         yield "quantity", f"is {test.quantity!r}, but the channel of the response is {own!r}; say it once"
+
+
+def _faults_of_sheets(test: MeasuredTest) -> Iterator[tuple[str, str]]:
+    """Find a column of one sheet or group next to columns of all of them."""
+    pairs = [(what, channel) for what in test.made for _, channel in test.terms(what)]
+    places = [(what, str(column)) for what, channel in pairs for column in channel.columns]
+    sheets = dict.fromkeys(sheet for _, place in places if "*" in (sheet := place.rpartition("/")[0]))
+    for what, place in places:
+        sheet = place.rpartition("/")[0]
+        every = [one for one in sheets if re.fullmatch(re.escape(one).replace(r"\*", "[^/]+"), sheet)]
+        if every and "*" not in place:
+            yield (
+                what,
+                f"{quote(place)} is of one sheet, others are of all of {quote(every[0])}; write * here, too",
+            )
 
 
 def _made_faults(test: MeasuredTest, what: str, channel: Channel) -> Iterator[tuple[str, str]]:

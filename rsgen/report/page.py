@@ -427,7 +427,7 @@ def _context(entry: Entry) -> dict[str, Any]:
         "link": f"{quote(entry.folder.name)}/report.html",
         "state": verdict["state"],
         "headline": verdict["headline"],
-        "reasons": [entry["code"].replace("-", " ") for entry in verdict["decided_by"]],
+        "reasons": list(dict.fromkeys(one["code"].replace("-", " ") for one in verdict["decided_by"])),
         "points": points["points"],
         "origin": points["origin"],
         "remarks": [

@@ -125,7 +125,7 @@ OF_HISTORY: list[Changes] = [
     {"test.demodulation": {"band": [9, 8]}},
     {"system": GONE, "test.excitation": "ring-down", "test.force": GONE}, {"test.time": GONE},
     {"test.response.scale": "rms"},
-    {"test.level": {"values": [1], "unit": "label"}, "identify": {"hold_out": ["0.6 V"]}},
+    {"test.level": {"values": [1], "unit": "label"}, "identify": {"hold_out": ["0.6 V", "600 mV"]}},
     {"test.level": {"values": [1], "unit": "V"}},
     {"test.sweep": {"direction": "down"}},
     {"test.level": {"values": ["3 N"]}, "test.excitation": "ring-down", "test.force": GONE},

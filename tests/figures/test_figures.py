@@ -16,6 +16,7 @@ from matplotlib.transforms import Bbox
 
 from rsgen import derive, figures, make_element, modal_table, predict
 from rsgen.report.figures import Drawing, number_text
+from rsgen.report.figures.drawing import lay_out, project_style, take_axes
 from rsgen.report.figures.equivalent import backbone
 from tests.samples import C1, K1, KN1, cubic_identification, cubic_prediction, cubic_surface
 
@@ -71,6 +72,18 @@ def test_all_that_a_figure_shows_lies_inside_it(name):
     figure = DRAWINGS[name]().figure
     shown = Bbox.union([axes.get_tightbbox() for axes in figure.axes])
     assert Bbox.union([figure.bbox, shown]).bounds == figure.bbox.bounds
+
+
+@pytest.mark.parametrize("highest", [27.2, 28.0])
+def test_the_title_of_a_panel_lies_inside_its_figure(highest):
+    """Ticks such as 26.5, which came after the layout had measured 26, cut the title off."""
+    with project_style():
+        figure, panels = take_axes(None, 2, (4.4, 3.9), sharex=True)
+        panels[0].set(ylim=(24.2, highest), ylabel="Resonance frequency [Hz]")
+        panels[1].set(ylim=(0.4, 3.6), xlabel="Amplitude X [mm]", ylabel="Damping ratio [%]")
+        lay_out(figure)
+        figure.draw_without_rendering()
+        assert min(axes.yaxis.label.get_window_extent().x0 for axes in panels) >= 0
 
 
 @pytest.mark.slow

@@ -166,7 +166,29 @@ def test_where_fundamentals_alone_lack_a_spring_an_even_one_is_proposed_too():
     assert (unseen.names["side"], unseen["moved"] < 0) == ("below", True)
     whole = rs.identify(asymmetric(), law)
     assert all("even" not in finding.names for finding in whole.findings)
-    assert "only m can show a wrong one" in str(whole)
+    assert f"a mass other than m = {whole['m'].value:.4g} kg shows a wrong ratio of force to response" in str(
+        whole
+    )
+    # rms read as peak in both leaves the mass right
+    assert all(
+        "m shows no factor that force and response have in common" in str(one) for one in (found, whole)
+    )
+
+
+def test_a_spring_that_is_nothing_has_its_largest_share_of_the_force():
+    """Whether a spring is linear was left to the reader, of a value in N/m^3 and its error."""
+    truth = rs.Oscillator(1.5, "k*x + c*v", {"k": 6000.0, "c": 4.0})
+    plan = rs.SimulatedTest(
+        level=[2, 5], frequency=np.linspace(9, 11, 15), method="harmonic-balance", noise_relative=0.01
+    )
+    found = rs.identify(rs.simulate(truth, plan), "k*x + k3*x**3 + c*v + c3*v**3")
+    unseen = {one.parameter: one for one in found.findings if one.code == "not-distinct-from-zero"}
+    cubic, size = unseen["k3"], found.amplitude_range[1]
+    largest = abs(found["k3"].value) + 1.96 * found["k3"].standard_error
+    whole = found["k"].value + found["k3"].value * size**2
+    assert cubic["share"] == pytest.approx(largest * size**2 / whole, rel=1e-2)
+    assert f"at most {100 * cubic['share']:.2g} % of the force at" in sentence(cubic)
+    assert "share" not in unseen["c3"].numbers
 
 
 def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():

@@ -18,13 +18,15 @@ from rsgen.app.cli.terminal import (
 )
 from rsgen.cases.case import Case, law_faults
 from rsgen.cases.loading import find_cases, load_case, name_clashes, read
-from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, shown_path
+from rsgen.common.errors import CaseError, MeasurementError, RsgenError, listed, program_fault, shown_path
 from rsgen.common.finding import Finding
 from rsgen.data.multisine.linear import implausible
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files.inspection.listing import unread
+from rsgen.files.plan import MeasuredTest
 from rsgen.identification.fitting.points import (
     mass_needs,
     per_unit_mass,
@@ -106,6 +108,8 @@ def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:
     findings = (*read_as, *size_findings(table, case)) if sized else ()
     finds_mass = case.model.mass is None and not table.per_mass
     notes = sentences_of_elements(case.model.elements)
+    if isinstance(case.test, MeasuredTest) and (left := unread(case.test)):
+        notes.append(f"not read of {case.test.file.name}: {listed(left)}")
     lines = [f"note: {text}" for text in notes]
     # errors first; of one severity in the order in which to look at them
     severities = ("error", "doubt", "warning", "info")

@@ -25,6 +25,7 @@ from rsgen.files.inspection.clues import TODO
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import propose
 from rsgen.files.nominal_levels import level_form
+from rsgen.files.plan import LABEL
 from rsgen.formula.names import remembers, symbol
 from rsgen.formula.printing import write
 from rsgen.formula.unit_deduction import parameter_units
@@ -101,6 +102,8 @@ def _example_levels(test: str | None) -> tuple[str, str]:
     form, files = table.get("level", {}).get("name", ""), table.get("file", "")
     before, found, after = form.partition("{level}")
     unit = re.match("[munk]?N", after)
+    if table.get("level", {}).get("unit") == LABEL:
+        return f"7{'' if before else after}", "8 N"
     if not (found and unit and isinstance(files, list)) or "*" in before:
         return "7 N", "8 N"
     texts = (Path(file).name.removeprefix(before).partition(after.partition("*")[0])[0] for file in files)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -17,9 +18,9 @@ from rsgen.files import text_columns
 from rsgen.files.column_titles import is_unit, unit_in
 from rsgen.files.data_files import open_text, recognise_format
 from rsgen.files.inspection.clues import plain_unit
-from rsgen.files.plan import Layout
+from rsgen.files.plan import Layout, MeasuredTest
 from rsgen.files.sandbox import list_binary
-from rsgen.files.tree import MAX_CHANNELS, Contents, Entry, facts
+from rsgen.files.tree import MAX_CHANNELS, Contents, Entry, facts, star_pattern
 
 LAYOUT_LINES = 300
 """Lines of a text from which its layout is recognised."""
@@ -214,6 +215,28 @@ def _passed(found: text_columns.Columns) -> str:
         return ""
     rows = "a row" if count == 1 else f"{count} rows"
     return f"{rows} of words among the numbers, passed over; the first is line {found.words[0]}"
+
+
+def unread(test: MeasuredTest) -> list[str]:
+    """Return the arrays of the first file of a test that its plan does not read: of a whole sheet its name.
+
+    None of a text, and none of what has a number in place of a path.
+    """
+    history = test.history
+    asked = [column for channel in test.sources for column in channel.columns]
+    instants = (history.time, history.rate_column) if history else ()
+    asked += [one for one in (test.frequency, test.level.column, *instants) if one is not None]
+    contents = list_contents(test.file)
+    if contents.format == "csv" or any(isinstance(one, int) for one in asked):
+        return []
+    meant = [
+        star_pattern(text) for one in asked for text in (str(one), re.sub(r"\[[\d,:]+\]\Z", "", str(one)))
+    ]
+    arrays = [entry.path for entry in contents.entries if entry.size > 1 and entry.dtype and not entry.fault]
+    used = {path for path in arrays if any(pattern.fullmatch(path) for pattern in meant)}
+    folders = {path.rpartition("/")[0] for path in used}
+    left = [(path, path.rpartition("/")[0]) for path in arrays if path not in used]
+    return list(dict.fromkeys(path if folder in folders else f"{folder}/*" for path, folder in left))
 
 
 def list_contents(path: Path) -> Contents:

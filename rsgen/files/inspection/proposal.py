@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
@@ -12,6 +11,7 @@ from typing import Any
 from rsgen.common.errors import listed
 from rsgen.data.record_set import QUANTITIES
 from rsgen.files.inspection import clues
+from rsgen.files.inspection.runs import Runs, choose_runs, is_frequency
 from rsgen.files.inspection.sensors import (
     Sensor,
     channel_names,
@@ -21,7 +21,7 @@ from rsgen.files.inspection.sensors import (
     levels_in_columns,
     split_level,
 )
-from rsgen.files.plan import HERTZ, SECONDS, Layout
+from rsgen.files.plan import HERTZ, LABEL, SECONDS, Layout
 from rsgen.files.tree import Contents, Entry, natural_order
 from rsgen.formula.units import UNKNOWN
 
@@ -70,13 +70,6 @@ class _Draft:
         return int(entry.path) if self.contents.format == "csv" and entry.path.isdigit() else entry.path
 
 
-def _is_frequency(entry: Entry) -> bool:
-    # "f_re_N" is a force
-    return clues.FREQUENCY(entry) and not (
-        clues.is_force(entry) or clues.motion_of(entry) or clues.QUOTIENT(entry)
-    )
-
-
 def _abscissa(entries: Sequence[Entry]) -> tuple[Entry | None, Entry | None]:
     """Find the time, or the frequency."""
     rows = [entry for entry in entries if clues.is_real(entry) and entry.size > 1]
@@ -85,7 +78,7 @@ def _abscissa(entries: Sequence[Entry]) -> tuple[Entry | None, Entry | None]:
     # rows with phases are readings of amplitudes, whatever their instants
     if time is not None and not (hertz and any(map(clues.is_phase, rows))):
         return time, None
-    frequency = clues.first(hertz or rows, lambda _: bool(hertz), _is_frequency, clues.is_angular_frequency)
+    frequency = clues.first(hertz or rows, lambda _: bool(hertz), is_frequency, clues.is_angular_frequency)
     return (None, frequency) if frequency else (clues.first(rows, clues.TIME), None)
 
 
@@ -144,13 +137,14 @@ def _propose_nameless(draft: _Draft) -> None:
 
 
 # ----------------------------------------------------------------------------
-# Tables of amplitudes over frequency, and which of a file's tables is read.
+# Tables of amplitudes over frequency.
 
 
 def _propose_table(draft: _Draft, frequency: Entry) -> None:
     """Write the tables of a case for a table of amplitudes over ``frequency``."""
     draft.take(frequency)
-    runs, left_out = _choose_runs(draft, frequency)
+    runs = choose_runs(draft.contents, draft.free, frequency)
+    draft.free, draft.run, left_out = runs.arrays, runs.run, list(runs.left_out)
     unit = {"unit": frequency.unit} if frequency.unit in HERTZ and frequency.unit != "Hz" else {}
     if clues.is_angular_frequency(frequency) and frequency.unit not in HERTZ:
         unit = {"unit": "rad/s"}
@@ -179,84 +173,31 @@ def _has_side(entry: Entry, size: int) -> bool:
     return entry.size == size or size in entry.shape
 
 
-def _choose_runs(draft: _Draft, frequency: Entry) -> tuple[int, list[str]]:
-    """Keep the arrays of the table of ``frequency``; return its number of runs, and what is left out.
-
-    "runs/1/f" and "drive_1/f" are of several runs, if there is a "runs/2/f" or "drive_2/f". Such are levels,
-    if they are not channels of one test or points of a structure, as in a universal file.
-    """
-    folders = [found.end() for found in re.finditer(r"(?<=\d)/", frequency.path)]
-    for end in folders:
-        begin, rest = frequency.path[:end], frequency.path[end:]
-        stem = begin.rstrip("/").rstrip("0123456789")
-        of_run = re.compile(re.escape(stem) + r"\d+/")
-        count = sum(
-            bool(of_run.sub("", e.path, 1) == rest and of_run.match(e.path)) for e in draft.contents.entries
-        )
-        if count < 2:
-            continue
-        members = [entry for entry in draft.free if of_run.match(entry.path)]
-        kinds: dict[str, set[bool]] = defaultdict(set)
-        for entry in members:
-            kinds[of_run.sub("", entry.path, 1)].add(clues.is_force(entry))
-        if any(len(found) > 1 for found in kinds.values()):
-            return 0, []
-        draft.free = [entry for entry in draft.free if entry.path.startswith(begin)]
-        others = _other_points([entry for entry in members if clues.motion_of(entry) and entry.title])
-        if not others:
-            draft.run = (begin, f"{stem}*/")
-        return (0, others) if others else (count, [])
-    return 0, _other_tables(draft, frequency)
-
-
-def _other_points(motions: Sequence[Entry]) -> list[str]:
-    """Say which points the runs of a file are of where they are no levels of one."""
-    points = [entry for entry in motions if entry.remark != motions[0].remark]
-    same = len(motions) - len(points) - 1
-    again = f" and {same} more of this point" if same else ""
-    names = listed(list(dict.fromkeys(map(clues.called, points))))
-    return [f"left out: {names}{again}; a case reads one point, whose entries are levels"] if points else []
-
-
-def _other_tables(draft: _Draft, frequency: Entry) -> list[str]:
-    """Leave out what lies with a frequency of its own, as another test in the same file does; say so."""
-    if draft.contents.format == "csv":
-        # a / in the title of a text is no folder
-        return []
-    with_own = {_folder(e) for e in draft.free if clues.is_real(e) and e.size > 1 and _is_frequency(e)}
-    others = with_own - {_folder(frequency)}
-    left = [entry for entry in draft.free if _folder(entry) in others]
-    draft.free = [entry for entry in draft.free if _folder(entry) not in others]
-    return (
-        [f"left out: {listed([e.path for e in left])}, which have a frequency of their own"] if left else []
-    )
-
-
-def _folder(entry: Entry) -> str:
-    return entry.path.rpartition("/")[0]
-
-
-def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: int) -> None:
-    """Write [test.level], where levels do not follow from the measured forces."""
+def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: Runs) -> None:
+    """Write [test.level], where levels do not follow from the measured forces, or runs are called by them."""
     table: dict[str, Any] = {}
+    in_newton = re.search(r"\{level\}[ _-]?[munk]?N(?![A-Za-z])", runs.form)
     if draft.levels:
         table = {"values": draft.levels}
     elif level is not None:
         table = {"column": draft.address(level)} | (
             {"unit": clues.unit_for(level.unit, "N")} if clues.is_force(level) else {}
         )
-    elif not driven and runs:
+    elif runs.form and (in_newton or driven):
+        table = {"name": runs.form} | ({} if in_newton else {"unit": LABEL})
+        draft.doubts["test.level.name"] = f"by {listed(runs.names)}"
+    elif not driven and runs.names:
         alike = [e for e in draft.contents.entries if e.title and not e.fault]
         alike = [entry for entry in alike if fnmatchcase(entry.path, f"{draft.run[1]}*")]
         said = [split_level(e.title) for e in sorted(alike, key=lambda entry: natural_order(entry.path))]
-        if len(said) == runs and all(amount for _, amount in said):
+        if len(said) == len(runs.names) and all(amount for _, amount in said):
             others = dict.fromkeys(rest for rest, _ in said)
             differ = f", which are of {' and of '.join(others)}" if len(others) > 1 else ""
             draft.doubts["test.level.values"] = f"by the titles of the entries{differ}"
             table = {"values": [amount for _, amount in said]}
         else:
             draft.doubts["test.level.values"] = f"{clues.TODO}write the force amplitude of each"
-            table = {"values": [f"{UNKNOWN} N"] * runs}
+            table = {"values": [f"{UNKNOWN} N"] * len(runs.names)}
     elif not driven:
         draft.doubts["test.level.value"] = f"{clues.TODO}write the force amplitude of this file"
         table = {"value": f"{UNKNOWN} N"}

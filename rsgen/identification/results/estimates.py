@@ -347,8 +347,23 @@ class _Reasons:
         if np.isfinite(error) and not is_significant(value, error):
             unit = self.units[name]
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
+            numbers |= self._share(name, abs(value) + interval_sigmas() * error)
             return Finding("not-distinct-from-zero", "warning", name, numbers)
         return None
+
+    def _share(self, name: str, largest: float) -> dict[str, Quantity]:
+        """Return the share of a spring's term, with the ``largest`` value, in the force at large amplitudes.
+
+        Nothing of a damper, or where the law is not linear in the parameter.
+        """
+        at = {symbol("x"): self.tested["amplitude"].value, symbol("v"): 0}
+        known = {
+            symbol(one): value for one, value in zip(self.names, self.regression.parameters, strict=False)
+        }
+        term, whole = self.force.diff(symbol(name)).subs(at), self.force.subs(at).subs(known)
+        share = largest * term / whole if whole.is_number and whole.is_nonzero else sympy.nan
+        known_share = share.is_number and share.is_finite and share.is_nonzero
+        return {"share": Quantity(abs(float(share)))} if known_share else {}
 
     def _combination(self, name: str, partners: Sequence[str]) -> tuple[dict[str, str], dict[str, Quantity]]:
         """Return a weighted sum, product or ratio with a partner that the law alone depends on, and its

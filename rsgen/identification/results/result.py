@@ -88,15 +88,28 @@ def table_of(estimates: Iterable[Estimate]) -> TextTable:
     return TextTable(heads, tuple(estimate.cells for estimate in estimates))
 
 
+_OF_LINEAR_TERMS = {"kg", "N/m", "N*s/m", "rad"}
+"""Units of values that a common factor of force and response does not move."""
+
+
 def mass_lines(estimates: Iterable[Any]) -> list[str]:
-    """Return what values owe to the mass, given or identified: a line, none where it has no value in kg."""
+    """Return what values owe to the mass, given or identified: lines, none where it has no value in kg."""
+    known = list(estimates)
+    mass = next((one for one in known if one.name == "m" and one.unit == "kg" and one.identifiable), None)
+    if mass is None:
+        return []
     given = "m is taken as exact: its error comes on top, 1 % of m moves the linear stiffness by about 1 %"
     free = (
-        "all values scale with the units of force, response (peak or rms) and frequency (Hz or rad/s), and "
-        "only m can show a wrong one: compare m with what moves, or give it under [system]"
+        "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what moves, "
+        f"and give it under [system]; a mass other than m = {short(mass.value, 4)} kg shows a wrong ratio of "
+        "force to response, as of one of them rms and read as peak"
     )
-    masses = (one for one in estimates if one.name == "m" and one.unit == "kg" and one.identifiable)
-    return [free if one.standard_error else given for one in masses]
+    common = (
+        "m shows no factor that force and response have in common: are both rms and read as peak, a cubic "
+        "term is twice too large and friction 1.4 times too small, and the reverse; linear values stand"
+    )
+    nonlinear = any(one.unit not in _OF_LINEAR_TERMS for one in known)
+    return [free if mass.standard_error else given, *[common] * nonlinear]
 
 
 def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:

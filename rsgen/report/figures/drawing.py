@@ -113,6 +113,10 @@ GivenAxes = Axes | Sequence[Axes] | NDArray[Any] | None
 """Axes to draw on: one for each panel of the figure; fewer show the first panels, None makes a figure."""
 
 
+_MAX_TICKS_OF_LEVELS = 4
+"""Intervals between ticks of a colour bar; a panel has at most twice as many."""
+
+
 def take_axes(
     ax: GivenAxes, count: int, size: tuple[float, float], **shared: Any
 ) -> tuple[Figure, list[Axes]]:
@@ -132,7 +136,11 @@ def take_axes(
     """
     if ax is None:
         figure = new_figure(*size)
-        return figure, list(figure.subplots(count, 1, squeeze=False, **shared)[:, 0])
+        panels = list(figure.subplots(count, 1, squeeze=False, **shared)[:, 0])
+        for axes in panels:
+            # ticks that came after the layout, with more digits, moved titles beyond the edge
+            axes.locator_params(axis="y", nbins=2 * _MAX_TICKS_OF_LEVELS)
+        return figure, panels
     given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
     if not given or not all(isinstance(axes, Axes) for axes in given):
         raise RsgenError(f"ax: {ax!r:.80}; must be matplotlib axes, one for each panel")
@@ -243,10 +251,6 @@ def level_colours() -> LinearSegmentedColormap:
     """
     viridis = matplotlib.colormaps["viridis"]
     return LinearSegmentedColormap.from_list("rsgen", viridis(np.linspace(0.12, 0.92, 64)))
-
-
-_MAX_TICKS_OF_LEVELS = 4
-"""Intervals between ticks of a colour bar."""
 
 
 def colour_bar(axes: Axes, norm: Normalize, label: str) -> None:

@@ -1,0 +1,145 @@
+"""Workbooks with a sheet for each level: all are drafted, and called by the volts in their names."""
+
+import numpy as np
+import pytest
+
+from rsgen.app.cli.inspect_command import proposal_text
+from rsgen.cases.loading import load_case, read
+from rsgen.common.errors import CaseError, MeasurementError
+from rsgen.files.inspection.listing import list_contents
+from rsgen.files.inspection.proposal import propose
+from tests.inspection.drafts import FREQUENCY, RECEPTANCE, is_receptance
+
+VOLTS = {0.25: 1.0, 0.5: 1.8, 1.0: 3.2, 1.4: 4.4}
+"""Forces [N] by the volts of the drive."""
+TITLES = ("Frequency [Hz]", "Force [N]", "Displacement [m]", "Phase [deg]")
+
+
+def write_book(path):
+    openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
+    book = openpyxl.Workbook()
+    book.remove(book.active)
+    for volts, force in VOLTS.items():
+        sheet = book.create_sheet(f"{volts:g} V")
+        # stepped downwards
+        motion = force * RECEPTANCE[::-1]
+        columns = (
+            FREQUENCY[::-1],
+            np.full(len(FREQUENCY), force),
+            np.abs(motion),
+            np.angle(motion, deg=True),
+        )
+        for row in (TITLES, *np.transpose(columns).tolist()):
+            sheet.append(list(row))
+    aside = book.create_sheet("Background")
+    aside.append(["Frequency [Hz]", "Noise [V]"])
+    aside.append([1.0, 2.0])
+    aside.append([2.0, 3.0])
+    book.save(path)
+
+
+@pytest.fixture(scope="module")
+def book(tmp_path_factory):
+    """Write a workbook; return it and the tables of its draft without questions."""
+    path = tmp_path_factory.mktemp("book") / "book.xlsx"
+    write_book(path)
+    tables = proposal_text(propose(list_contents(path)))
+    confirmed = "\n".join(line.partition(" # TODO")[0] for line in tables.split("\n"))
+    law = '[[element]]\nname = "all"\nforce = "k*x + c*v"\n'
+    return path, f'schema = 1\nname = "book"\ntitle = "book"\n{law}{confirmed}\n'
+
+
+@pytest.fixture
+def draft(book):
+    """Return a function that writes the draft with other texts, and tables behind it."""
+    path, text = book
+
+    def changed(*pairs, more=""):
+        new = text
+        for old, by in pairs:
+            assert old in new
+            new = new.replace(old, by)
+        case = path.with_suffix(".toml")
+        case.write_text(new + more, encoding="utf-8")
+        return case
+
+    return changed
+
+
+LEVEL = 'name = "{level} V"'
+HELD = '[identify]\nhold_out = ["1 V"]\n'
+
+
+def codes(case, code):
+    return [finding for finding in read(load_case(case)).findings if finding.code == code]
+
+
+def test_sheets_with_the_same_titles_are_levels_called_by_their_names(draft, run_cli):
+    """The first was drafted alone, and neither draft nor check said that three sheets were not read."""
+    case = draft(more=HELD)
+    surface = read(load_case(case))
+    assert np.unique(surface.label).tolist() == [*VOLTS]
+    assert surface.levels == pytest.approx([*VOLTS.values()], rel=1e-3)
+    assert is_receptance(surface)
+    held = surface.held_out(load_case(case).observation.hold_out)
+    assert set(surface.label[held]) == {1.0}
+    assert run_cli("check", case).out.endswith("note: not read of book.xlsx: Background/*\n")
+    (path,) = load_case(case).test.files
+    assert run_cli("init", "--from", path, path.with_name("new.toml")).code == 0
+    assert 'hold_out = ["7 V"]' in path.with_name("new.toml").read_text(encoding="utf-8")
+    first = draft(
+        *((f"* V/{title}", f"0.25 V/{title}") for title in TITLES), (LEVEL, ""), ('unit = "label"', "")
+    )
+    assert "not read of book.xlsx: 0.5 V/*, 1 V/*, 1.4 V/*, Background/*" in run_cli("check", first).out
+
+
+@pytest.mark.parametrize(("values", "fault"), [
+    ("[0.25, 0.5, 1, 1.4]", ""), ('["0.25 V", "0.5 V", "1 V", "1.4 V"]', ""),
+    # of labels in two units the numbers alone are in another order
+    ('["250 mV", "0.5 V", "1 V", "1.4 V"]', "is in V"),
+])  # fmt: skip
+def test_labels_may_be_written_as_the_sheets_are_called(draft, values, fault):
+    case = draft((LEVEL, f"values = {values}"))
+    if fault:
+        with pytest.raises(CaseError, match=fault):
+            load_case(case)
+    else:
+        assert np.unique(read(load_case(case)).label).tolist() == [*VOLTS]
+
+
+def test_volts_that_nothing_calls_a_level_lead_to_labels(draft):
+    case = draft((LEVEL, ""), ('unit = "label"', ""), more=HELD)
+    with pytest.raises(CaseError, match=r'unit = "label" and name = "\{level\} V" under \[test.level\]'):
+        load_case(case)
+    with pytest.raises(MeasurementError, match=r"'0.25 V': its name is not of the form"):
+        read(load_case(draft((LEVEL, 'name = "{level} mV"'))))
+
+
+@pytest.mark.parametrize(("values", "sentences"), [
+    # sheets say it, whatever the forces
+    ("[0.5, 0.25, 1, 1.4]", ["the level of 0.25 V is given as 0.5, but its name has another"]),
+    # forces say it, where no sheet has the number; whole numbers may count the runs
+    ("[1.5, 1.1, 0.6, 0.3]", ["the level of 0.3 was driven harder than that of 0.6"]),
+    ("[4, 3, 2, 1]", []),
+])  # fmt: skip
+def test_labels_in_another_order_than_sheets_or_forces_are_a_doubt(draft, values, sentences):
+    """With the labels of four sheets in reverse order another level was held out than was asked for."""
+    found = codes(draft((LEVEL, f"values = {values}")), "levels-swapped")
+    assert [finding.severity for finding in found] == ["doubt"] * len(sentences)
+    assert all(text in str(finding) for finding, text in zip(found, sentences, strict=True))
+
+
+@pytest.mark.parametrize(("direction", "count"), [("up", 1), ("down", 0), ("rest", 0)])
+def test_rows_that_descend_were_hardly_swept_up(draft, direction, count):
+    case = draft(more=f'[test.sweep]\ndirection = "{direction}"\n')
+    found = codes(case, "direction-from-branch")
+    assert [finding.severity for finding in found] == ["doubt"] * count
+
+
+def test_the_force_of_one_sheet_beside_responses_of_all_is_refused(draft):
+    """A run blamed the law."""
+    case = draft(('"* V/Force [N]"', '"0.25 V/Force [N]"'))
+    with pytest.raises(
+        CaseError, match=r"test.force: '0.25 V/Force \[N\]' is of one sheet, others are of all"
+    ):
+        load_case(case)
