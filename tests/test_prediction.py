@@ -7,8 +7,17 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from rsgen import SimulatedTest, identify, make_element, sentence, simulate
-from rsgen.data.history import SweepLaw, from_swept_sine
+from rsgen import (
+    ResponseSurface,
+    SimulatedTest,
+    figures,
+    identify,
+    make_element,
+    modal_table,
+    sentence,
+    simulate,
+)
+from rsgen.data.history import SweepLaw, TimeHistory, from_free_decay, from_swept_sine
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.describing.derivation import derive
 from rsgen.identification.prediction import HeldOutLevel, predict
@@ -521,3 +530,59 @@ def test_a_held_out_label_is_no_force():
     labels = np.searchsorted(table.levels, table.level) + 1.0
     found = identify(changed(table, label=labels), model("cubic", hold_out=(2.0,)))
     assert [curve.force for curve in predict(found)] == pytest.approx([2.0, 4.0, 8.0], rel=1e-3)
+
+
+def test_a_level_whose_force_changes_is_predicted_at_its_forces():
+    """Curves of one force were drawn and judged: a shaker without control holds what they call unstable."""
+    values, drop = {"k": 61000.0, "c": 9.0, "k3": -8e8}, 14.0
+    coupled = Oscillator(2.1, "k*x + c*v + k3*x**3", values | {"c": 9.0 + drop})
+    levels, frequency = [3.0, 6.0, 12.0, 16.0], np.linspace(32, 23, 46)
+    test = simulate(coupled, SimulatedTest(levels, frequency, sweep="down", method="harmonic-balance"))
+    motion = test.harmonics[:, 1]
+    force = test.force - 1j * drop * test.omega * motion
+    table = noisy(ResponseSurface(test.level, test.frequency, force, motion, sweep=test.sweep), 3e-3, 1)
+    found = identify(table, "k*x + c*v + k3*x**3", Observation(hold_out=[12.0]))
+    prediction = predict_shown(table, found)
+    (held_out,) = prediction.held_out
+    assert (held_out.changes, held_out.missing) == (True, 0)
+    assert held_out.error < 0.02
+    # some lie where a constant force holds no motion
+    at = balance_of(found).solve(np.abs(held_out.measured), 2 * np.pi * held_out.frequency)
+    assert np.any((np.conj(at.force) * at.force_slope).real < 0)
+    assert "prediction-extrapolated" not in {finding.code for finding in prediction.findings}
+    assert [item.level for item in prediction.fitted] == [3.0, 6.0, 16.0]
+    drawn = figures.draw_responses(table, prediction)
+    lines = [line for line in drawn.figure.axes[0].get_lines() if line.get_linestyle() == "-"]
+    for level, line in zip(levels, lines, strict=True):
+        order = np.argsort(table.frequency[table.level == level])
+        tested = table.amplitude[table.level == level][order] / 1e-3
+        assert line.get_ydata() == pytest.approx(tested, rel=0.05)
+    assert "predicts for each point" in drawn.caption
+    (axes,) = figures.draw_held_out(prediction).figure.axes
+    assert next(line.get_label() for line in axes.get_lines()) == "predicted at the measured forces"
+    assert len(axes.get_lines()) == 2
+
+
+def test_a_free_decay_has_no_band_that_cuts_its_curves():
+    """The band of its own frequencies, a few mHz, was drawn, and "its peak is not known"."""
+    time, damping, natural = np.arange(16000) / 1000, 0.4, np.sqrt(4000.0 - 0.16)
+    motion = 4e-3 * np.exp(-damping * time) * np.cos(natural * time)
+    noise = 1e-6 * np.random.default_rng(1).normal(size=len(time))
+    table = from_free_decay(TimeHistory(1000.0, None, motion + noise), mass=1.5)
+    found = identify(table, "k*x + c*v", Observation(predict=[0.2]))
+    prediction = predict_shown(table, found)
+    curve = prediction[0.2]
+    assert not curve.rises_at_end
+    assert np.nanmax(curve.amplitude) == pytest.approx(0.2 / (1.2 * np.sqrt(4000.0)), rel=1e-2)
+    assert np.nanmin(curve.amplitude) < np.nanmax(curve.amplitude) / 2
+    (said,) = (sentence(one) for one in prediction.findings if one.code == "level-predicted")
+    assert "not known" not in said
+
+
+def test_a_modal_table_of_held_amplitudes_predicts_one_force_a_level():
+    """Every measured force had a curve, and a warning."""
+    sizes, omega = np.repeat([1e-4, 2e-4, 4e-4], 41), 2 * np.pi * np.tile(np.linspace(9, 11, 41), 3)
+    force = sizes * (6000 - 1.5 * omega**2 + 8j * omega)
+    exact = ResponseSurface(sizes, omega / (2 * np.pi), force, sizes + 0j, control="response")
+    table = modal_table(noisy(exact, 1e-3, 1), mass=1.5)
+    assert len(predict(table, surface=exact)) == 3

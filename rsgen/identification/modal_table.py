@@ -505,7 +505,10 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
     """Return the test as predictions need it."""
     points = modal.observed.points
     part = surface.select(points.index)
-    forces = np.unique(np.abs(part.force)) if surface.response_held else typical_amounts(part)
+    forces = typical_amounts(part)
+    if surface.response_held:
+        # what each amplitude needs at its resonance
+        forces = np.array([np.abs(part.force[part.level == level]).min() for level in part.levels])
     variance = np.diag(found.covariance)[modal.count :]
     return ModalTest(
         observation=model.observation,

@@ -307,8 +307,8 @@ def resonance_course(identification: Identification, modal: Modal = NO_MODAL) ->
     numbers |= quantities("Hz", frequency_first=found.frequency[0], frequency_last=found.frequency[1])
     numbers |= quantities(ratio_first=found.damping_ratio[0], ratio_last=found.damping_ratio[1])
     order = {"order": "first"} if found.harmonics is None and harmonics_matter(identification) else {}
-    low, high = identification.frequency_range
-    outside = [f"{one:.4g} Hz" for one in found.frequency if not low <= one <= high]
+    low, high, *both = (float(f"{one:.4g}") for one in (*identification.frequency_range, *found.frequency))
+    outside = [f"{one:g} Hz" for one in both if not low <= one <= high]
     beyond = {"beyond": " and ".join(outside)} if outside else {}
     return [Finding("resonance-course", "info", numbers=numbers, names=order | beyond)]
 

@@ -48,7 +48,7 @@ from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
-from rsgen.identification.prediction.prediction_result import BEYOND, ResonanceCurve
+from rsgen.identification.prediction.prediction_result import BEYOND, ResonanceCurve, force_changes
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
@@ -285,10 +285,11 @@ class AmplitudeBalance:
         Where the test held the amplitude, the predicted force at that amplitude is compared with the measured
         one, as X F/F_predicted: near a fold, and on an unstable branch, a force determines no amplitude. So
         are free decays, whose points all lie on the resonance, and a sweep that falls from fold to fold
-        through the unstable branch: its force, corrected for that, would hold the motion there.
+        through the unstable branch: its force, corrected for that, would hold the motion there. A shaker that
+        loses force at the resonance does hold motions there.
         """
         force, omega, near = mode.force, mode.omega, mode.amplitude
-        if not (mode.response_held or mode.overlapping):
+        if not (mode.response_held or mode.overlapping or force_changes(near, force)):
             return self._settled(force, omega, near)
         at = self.solve(near, omega)
         found = np.asarray(near * force / at.force)
@@ -509,7 +510,7 @@ _FREQUENCY_ITERATIONS = 4
 _FLANK_AMPLITUDE = 1e-2
 """Smallest amplitude of a curve relative to that of the resonance."""
 
-_HALF_WIDTHS = 8.0
+HALF_WIDTHS = 8.0
 """Half widths of the resonance on both sides of a curve."""
 
 _MIN_RELATIVE_WIDTH = 0.1
@@ -562,7 +563,7 @@ def _resonant_ranges(
     chosen = known & (largest >= _AMPLITUDES) & (smallest * _FLANK_AMPLITUDE <= _AMPLITUDES)
     width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
     low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
-    around = max(_HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)
+    around = max(HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)
     ends = (max(low - around, _MIN_RELATIVE_WIDTH * low), high + around)
     return (smallest * _FLANK_AMPLITUDE, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))
 

@@ -23,7 +23,7 @@ from rsgen.common.tolerances import (
     MAX_ERROR_TO_MISFIT,
     RELATIVE_CHANGE_NEGLIGIBLE,
 )
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
 
@@ -137,8 +137,9 @@ class HeldOutLevel(Brief):
         (n,) [Hz], ascending.
     measured, predicted
         (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN without a steady state. Where
-        the test held the amplitude, of a free decay, and of a sweep where it falls through an unstable
-        branch, it is X_1 F/F_predicted, with the force that this amplitude needs at its frequency.
+        the test held the amplitude, of a free decay, and, of a sweep and where the force ``changes``, next to
+        folds and on an unstable branch, it is X_1 F/F_predicted, with the force that this amplitude needs at
+        its frequency.
     error
         Root mean square of predicted - measured over that of measured [1]. Up to 2 % of the points, rounded
         up, are left out where they are ``missing``: between a predicted and a measured jump branches differ.
@@ -158,6 +159,9 @@ class HeldOutLevel(Brief):
         What the errors of the values explain of ``error`` (95 %), of free decays; 0 of other tests.
     misfit
         Of the law or table that predicts, where it was fitted [1].
+    changes
+        True where the force was another one near the resonance, as of a shaker without control: the points
+        lie on no curve of one force.
     """
 
     level: float
@@ -174,10 +178,20 @@ class HeldOutLevel(Brief):
     explained: float = 0.0
     misfit: float = nan
     largest_at: float = nan
+    changes: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, ("frequency",))
         freeze(self, ("measured", "predicted"), np.complex128)
+
+
+def force_changes(amplitude: Array, force: Array | ComplexArray) -> bool:
+    """Return whether the force of the points (n,) of a level is another one near its resonance, as without
+    control; the points lie on no curve of one force then, and the shaker decides on their stability, too.
+    """
+    near, size = amplitude >= HALF_POWER * np.max(amplitude), np.abs(force)
+    away = np.median(size[~near]) if not near.all() else np.median(size)
+    return bool(abs(np.median(size[near]) - away) > HELD_OUT_ERROR_SMALL * away)
 
 
 def known_beyond(
@@ -299,6 +313,8 @@ class Prediction(Printed):
         One for each predicted record of a multisine; scores of single sines are then empty.
     band
         Frequencies of the curves that were asked for [Hz]; None: those of the test.
+    fitted
+        Fitted levels whose force ``changes``, at the forces that were measured; empty without a surface.
     """
 
     curves: tuple[ResonanceCurve, ...]
@@ -306,6 +322,7 @@ class Prediction(Printed):
     findings: tuple[Finding, ...]
     records: tuple[PredictedRecord, ...] = ()
     band: tuple[float, float] | None = None
+    fitted: tuple[HeldOutLevel, ...] = ()
 
     def __getitem__(self, level: float) -> ResonanceCurve:
         """Curve of a level [N].

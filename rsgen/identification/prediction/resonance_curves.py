@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf, isfinite, nan
+from math import inf, isfinite, isinf, nan
 from typing import Any, cast
 
 import numpy as np
@@ -34,6 +34,7 @@ from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
+    HALF_WIDTHS,
     AmplitudeBalance,
     SynthesisBalance,
     as_identification,
@@ -49,6 +50,7 @@ from rsgen.identification.prediction.prediction_result import (
     Prediction,
     ResonanceCurve,
     choose_levels,
+    force_changes,
     known_beyond,
     missed_findings,
     missing_findings,
@@ -133,19 +135,53 @@ def predict(
     window = near if band is None else _check_band(band)
     refuse_across(found.model.sensors, levels=levels is not None)
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
+    # free decays and resonances alone have no band: the law has flanks
+    fitted_law = table is None and tested[1] < inf and not found.model.sensors
+    free = _free_band(found, balance, chosen) if fitted_law and band is None else None
+    window = free or window
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     # the edges of the curves of a test are no extrapolation
-    known = tested if tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
+    known = (0.0, inf) if free or tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
     curves = tuple(_curve(found, balance, level, omega, tested, known) for level in balance.drawn(chosen))
-    held_out = () if surface is None else _score(found, balance, surface)
+    held_out, fitted = tuple[HeldOutLevel, ...](), tuple[HeldOutLevel, ...]()
+    if surface is not None:
+        held = surface.held_out(found.model.observation.hold_out)
+        held_out = _score(found, balance, surface, held)
+        drawn = surface.levels[np.isin(typical_amounts(surface), [curve.force for curve in curves])]
+        changing = [] if surface.decays or surface.response_held else _changing(surface, drawn)
+        fitted = _score(found, balance, surface, ~held & np.isin(surface.level, changing))
     findings = [*missed_findings(held_out)]
     if curves and not known[0] <= window[0] < window[1] <= known[1]:
         numbers = quantities("Hz", low=low, high=high)
         findings.append(Finding("prediction-extrapolated", "warning", "", numbers, {"by": "frequency"}))
     if curves and surface is not None and surface.base in ("displacement", "velocity"):
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
-    findings = [*_along(found), *_findings(found, balance, tested, curves, held_out), *findings]
-    return Prediction(curves, held_out, (*findings, *records.findings), records.records, band and window)
+    findings = [*_along(found), *_findings(found, balance, tested, curves, held_out, fitted), *findings]
+    asked = band and window
+    return Prediction(curves, held_out, (*findings, *records.findings), records.records, asked, fitted)
+
+
+def _free_band(
+    found: Identification, balance: AmplitudeBalance, levels: list[float]
+) -> tuple[float, float] | None:
+    """Return the resonances under the levels and their flanks [Hz], where a half width was not tested."""
+    tested = 2 * np.pi * np.array(found.frequency_range)
+    omega, size, ends = tested.mean(keepdims=True), np.array([found.amplitude_range[1]]), list[float]()
+    if np.ptp(tested) > balance.equivalent(size, omega, None)[1] / (2 * found.mass):
+        return None
+    for level in levels:
+        omega, size = balance.peak(level * force_per_level(found), (tested[0], tested[1]))
+        if len(omega) and isfinite(omega[0]):
+            width = float(balance.equivalent(size, omega, None)[1][0]) / (2 * found.mass)
+            around = min(HALF_WIDTHS * width, float(omega[0]) / 2)
+            ends += [float(omega[0]) - around, float(omega[0]) + around]
+    return (min(ends) / (2 * np.pi), max(ends) / (2 * np.pi)) if ends else None
+
+
+def _changing(surface: ResponseSurface, levels: Array) -> list[float]:
+    """Return the levels whose force changes."""
+    parts = {float(level): surface.select(surface.settled & (surface.level == level)) for level in levels}
+    return [level for level, part in parts.items() if force_changes(part.amplitude, part.force)]
 
 
 def _along(found: Identification) -> list[Finding]:
@@ -177,7 +213,8 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
     if not isfinite(found.mass):
         return Prediction((), (), meant)
     surface = surface.on_mass(found.mass)
-    held_out = _score(found, balance_of(found), surface)
+    held = surface.held_out(found.model.observation.hold_out)
+    held_out = _score(found, balance_of(found), surface, held)
     return Prediction((), held_out, (*meant, *missing_findings(held_out), *missed_findings(held_out)))
 
 
@@ -244,8 +281,10 @@ def _findings(
     tested: tuple[float, float],
     curves: tuple[ResonanceCurve, ...],
     held_out: tuple[HeldOutLevel, ...],
+    fitted: tuple[HeldOutLevel, ...],
 ) -> tuple[Finding, ...]:
     """Find curves without a steady state, or beyond the amplitudes tested, and points not predicted."""
+    changing = [item.force for item in (*held_out, *fitted) if item.changes]
     findings, short = list[Finding](), list[tuple[float, Finding]]()
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
@@ -259,6 +298,9 @@ def _findings(
             )
             continue
         run = _points_under(found, curve.force)
+        if curve.force in changing or (run is not None and force_changes(run.amplitude, run.force)):
+            # what the test reached is no matter of a constant force
+            continue
         beyond = np.any(curve.extrapolated & (curve.amplitude > tested[1]))
         if run is not None and (beyond or curve.rises_at_end):
             short.append(_compare_peaks(found, balance, curve, run, numbers))
@@ -432,17 +474,19 @@ def _respond(
 
 
 def _score(
-    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
+    identification: Identification,
+    balance: AmplitudeBalance,
+    surface: ResponseSurface,
+    points: NDArray[np.bool_],
 ) -> tuple[HeldOutLevel, ...]:
-    """Predict the points of held-out levels and compare, a score for each level and sweep.
+    """Predict points (n,), mostly of held-out levels, and compare, a score for each level and sweep.
 
     Left out are points that did not settle, lie outside the band, or have no force or motion;
     ``score_points`` leaves out a few at jumps.
     """
-    observation = identification.model.observation
-    low, high = observation.band or (0.0, inf)
+    low, high = identification.model.observation.band or (0.0, inf)
     chosen = (
-        surface.held_out(observation.hold_out)
+        points
         & surface.settled
         & (surface.frequency >= low)
         & (surface.frequency <= high)
@@ -482,6 +526,7 @@ def _score(
                     explained=explained,
                     misfit=identification.residual,
                     largest_at=float(surface.frequency[rows[worst]]),
+                    changes=not isinf(near) and force_changes(surface.amplitude[rows], surface.force[rows]),
                 )
             )
     return tuple(scored)
@@ -496,7 +541,7 @@ def predict_shown(table: ResponseSurface | MultisineSpectra, identification: Ide
     else:
         levels = [] if identification.model.sensors else _shown_levels(table, identification)
         found = predict(identification, sorted({*levels, *asked}) or None, table)
-    band = identification.frequency_range
+    band = identification.frequency_range if not getattr(table, "decays", False) else (0.0, inf)
     largest = [_largest(found[level], table.base, band) for level in asked]
     return replace(found, findings=(*found.findings, *largest))
 

@@ -61,6 +61,11 @@ def _draw_curve(
         label = None
 
 
+def _draw_points(axes: Axes, item: HeldOutLevel, factor: float, colour: object, label: str | None) -> None:
+    """Join what is predicted at the measured force of each point."""
+    axes.plot(item.frequency, np.abs(item.predicted) / factor, "-", color=colour, lw=1.1, label=label)
+
+
 @in_style
 def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     """Draw frequency responses of at most six levels: measured points, predicted lines with their folds.
@@ -84,6 +89,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     colours = level_colours()(np.linspace(0, 1, len(levels)))
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
     curves, untested = list[ResonanceCurve](), list[ResonanceCurve]()
+    changing = _group(tuple(o for o in (*prediction.fitted, *prediction.held_out) if o.changes))
     for level, colour in zip(levels, colours, strict=True):
         for sweep, marker in _MARKERS.items():
             frequency, amplitude = _tested(shown, level, sweep)
@@ -100,7 +106,10 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
                     rasterized=len(shown) > 400,
                 )
         curve = predicted.get(level)
-        if curve is not None:
+        for item in changing.get(level, ()):
+            name = quantity_text(level, item.level_unit, 3) if item is changing[level][0] else None
+            _draw_points(axes, item, scale.factor, colour, name)
+        if curve is not None and level not in changing:
             _draw_curve(axes, curve, scale.factor, colour, quantity_text(curve.level, curve.level_unit, 3))
             curves.append(curve)
     for curve in () if surface.response_held else prediction.curves:
@@ -116,7 +125,11 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     if handles:
         title = "Level" if surface.base else "Force F"
         axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
-    caption = _responses_caption(surface, shown, predicted, curves)
+    caption = _responses_caption(
+        surface, shown, {v: predicted[v] for v in {*predicted} - {*changing}}, curves
+    )
+    if changing and not surface.response_held:
+        caption += " Where the force of a level changes, a line joins what the model predicts for each point."
     caption += " Shaded: beyond the tested frequencies or amplitudes, by the law alone." if beyond else ""
     return Drawing("responses", figure, caption, ax is None)
 
@@ -274,7 +287,7 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
     if not held:
-        caption += " The dark line is at the forces of the points, as they were measured."
+        caption += " The line at the forces of the points joins what it predicts for each."
     return Drawing("held-out", figure, caption, ax is None)
 
 
@@ -284,23 +297,18 @@ def _draw_level(axes: Axes, items: Sequence[HeldOutLevel], prediction: Predictio
     near = RELATIVE_CHANGE_NEGLIGIBLE * items[0].force
     drawn = [curve for curve in prediction.curves if len(curve.frequency)]
     # a shaker loses force at a resonance: the points do not lie on the curve at one force
-    held = abs(items[0].force - items[0].level) <= near and items[0].level_unit == "N"
+    changes = any(item.changes for item in items)
+    held = abs(items[0].force - items[0].level) <= near and items[0].level_unit == "N" and not changes
     at, pale = ("", 1.0) if held else (f" at {quantity_text(items[0].force, items[0].force_unit, 3)}", 0.45)
-    for curve in (one for one in drawn if abs(one.force - items[0].force) <= near):
+    for curve in (one for one in drawn if abs(one.force - items[0].force) <= near and not changes):
         low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
         high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
         axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
         _draw_curve(axes, curve, scale.factor, to_rgba("#D55E00", pale), f"predicted{at}")
     for item in items:
         if not held:
-            axes.plot(
-                item.frequency,
-                np.abs(item.predicted) / scale.factor,
-                "-",
-                color="#D55E00",
-                lw=1.1,
-                label="predicted at the measured forces" if item is items[0] else None,
-            )
+            name = "predicted at the measured forces" if item is items[0] else None
+            _draw_points(axes, item, scale.factor, "#D55E00", name)
         axes.plot(
             item.frequency,
             np.abs(item.measured) / scale.factor,
