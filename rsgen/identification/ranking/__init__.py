@@ -17,10 +17,10 @@ Why a law is not a candidate, is no longer one, or is not the best, in the order
 7. Fitted and refused, a row with a ``fault`` and without values (``fit_candidate``): its force is not finite,
    its friction would feed energy, or it has almost no static stiffness.
 8. In a free decay, refused as well: its damper would feed energy, which another law explains without
-   (``_ranking``).
+   (``_settle_best``).
 9. Last: it predicts levels worse than a law of fewer parameters does (``order_candidates``).
 10. Not the best: the identification does not determine one of its terms, or the law fits worse along its own
-    motion, so that a law without the term is as good (``_ranking``).
+    motion, so that a law without the term is as good (``_settle_best``).
 """
 
 from __future__ import annotations

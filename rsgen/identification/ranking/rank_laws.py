@@ -322,46 +322,43 @@ def _misfit_of_rows(found: Identification, current: Round) -> float:
     return found.residual * float(np.sqrt(regression.freedom / rows))
 
 
-def _ranking(
+def _settle_best(
     last: _Compared,
+    candidates: Sequence[CandidateFit],
+    bic: list[float],
+    error: list[float],
     given: Sequence[str],
     base: Model,
     surface: ResponseSurface | MultisineSpectra,
-    progress: Callable[[float], None],
-) -> Ranking:
-    """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
-    test, current, fixed, found = last.test, last.round, last.test.fixed, None
-    candidates, own = _merge_equal_laws(last.found, current.rows, given, fixed)
-    bic = [fit.bic() for fit in candidates]
-    if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED and not is_misread(surface):
-        bic = _compare_along_own(test, current, candidates, given, progress)
-    error = [current.relative(fit.predict_levels()) for fit in candidates]
+) -> tuple[tuple[list[int], float, list[bool]], Identification | None, RsgenError | None]:
+    """Identify the best law until it stays the best; return the order, its identification, and its fault.
+
+    BIC and error of levels change in place. Both are infinite where damping feeds energy into a decay that
+    another law explains without. Where the identification does not tell terms from zero, BIC is at least that
+    of the best law without them plus the cost of the further parameters, also that of laws that contain this
+    one and are not better by ``STRONG_EVIDENCE``. Where it fits worse along its own motion, that BIC counts.
+
+    After ``_LEADERS`` laws the next is the best in any case. One with a misfit that nothing explains is not
+    identified: the ranking rejects it.
+    """
+    current, identified = last.round, dict[int, Identification]()
     count = [len(fit.candidate.values) for fit in candidates]
-    fault: RsgenError | None = None
-    identified: dict[int, Identification] = {}
     # which law is the best some of many points settle, and its values all of them
     many = surface if isinstance(surface, ResponseSurface) and len(surface) > 2 * SUBSAMPLE_POINTS else None
-    progress(_SHARE_OF_STAGES + _SHARE_OF_MOTIONS)
     for _ in candidates:
-        order, lowest, tied = order_candidates(bic, error, count)
-        number, best = order[0], candidates[order[0]]
-        model = replace(base, elements=best.candidate.elements)
-        along = current.relative(best.residual)
-        if number in identified:
-            found = identified[number]
-            break
-        if current.misfit(best).unexplained:
-            # the ranking rejects it
-            found = None
+        order = order_candidates(bic, error, count)
+        best = candidates[number := order[0][0]]
+        model, misfit = replace(base, elements=best.candidate.elements), current.relative(best.residual)
+        if number in identified or current.misfit(best).unexplained:
+            found = identified.get(number)
             break
         try:
             if many is None:
                 found = identify(surface, model)
             else:
-                found = identify_points(many, model, NOISE_RATIO_BY_CHANCE * along, SUBSAMPLE_POINTS)
+                found = identify_points(many, model, NOISE_RATIO_BY_CHANCE * misfit, SUBSAMPLE_POINTS)
         except RsgenError as refused:
-            found, fault = None, refused
-            break
+            return order, None, refused
         identified[number] = found
         known = {"damping-feeds-energy", *(("not-converged",) if best.feeds(current.rows) else ())}
         if getattr(surface, "decays", False) and known & {f.code for f in found.findings}:
@@ -373,35 +370,45 @@ def _ranking(
                     bic[i] = error[i] = inf
                 continue
         # fundamentals determine an even force and a cubic one together, neither by itself
-        together = test.first.odd_alone and best.candidate.law.even
+        together = last.test.first.odd_alone and best.candidate.law.even
         undetermined = [one.name for one in found if one.finding is not None and not together]
         before = bic[number]
-        # the BIC of a law that leaves what the best one leaves without these terms, and its parameters
-        less, few = min(
-            (
-                (bic[i], count[i])
-                for i, fit in enumerate(candidates)
-                if bic[i] < inf and lacks(fit, best, undetermined)
-            ),
-            default=(before, count[number]),
-        )
-        left = _misfit_of_rows(found, current)
-        if left > NOISE_RATIO_BY_CHANCE * max(along, MISFIT_NEGLIGIBLE):
-            # along its own motion the law fits worse than along that of the ranking
-            alone = before + float(np.square(left / along) - 1.0) * best.chi_squared
-            less, few = max((less, few), (alone, count[number]))
-        if less <= before or len(identified) > _LEADERS:
+        without = [i for i, fit in enumerate(candidates) if lacks(fit, best, undetermined) and bic[i] < inf]
+        raised, parameters = min(((bic[i], count[i]) for i in without), default=(before, count[number]))
+        own_misfit = _misfit_of_rows(found, current)
+        if own_misfit > NOISE_RATIO_BY_CHANCE * max(misfit, MISFIT_NEGLIGIBLE):
+            own_bic = before + float(np.square(own_misfit / misfit) - 1.0) * best.chi_squared
+            raised, parameters = max((raised, parameters), (own_bic, count[number]))
+        if raised <= before or len(identified) > _LEADERS:
             break
-        # what its identification does not tell from zero is no advantage, nor of laws that add to it in vain,
-        # but parameters all the same
         for i, fit in enumerate(candidates):
             if fit is best or (before - bic[i] < STRONG_EVIDENCE and lacks(best, fit, fit.candidate.values)):
-                bic[i] = max(bic[i], less + (count[i] - few) * fit.cost_of_parameter)
+                bic[i] = max(bic[i], raised + (count[i] - parameters) * fit.cost_of_parameter)
     if many is not None and found is not None:
         try:
             found = identify(many, model)
         except RsgenError as refused:
-            found, fault = None, refused
+            return order, None, refused
+    return order, found, None
+
+
+def _ranking(
+    last: _Compared,
+    given: Sequence[str],
+    base: Model,
+    surface: ResponseSurface | MultisineSpectra,
+    progress: Callable[[float], None],
+) -> Ranking:
+    """Order the candidates, merge laws of the user with equal ones of the library, and assess the best."""
+    test, current, fixed = last.test, last.round, last.test.fixed
+    candidates, own = _merge_equal_laws(last.found, current.rows, given, fixed)
+    bic = [fit.bic() for fit in candidates]
+    if test.first.odd_alone and last.systematic_misfit <= MISFIT_REJECTED and not is_misread(surface):
+        bic = _compare_along_own(test, current, candidates, given, progress)
+    error = [current.relative(fit.predict_levels()) for fit in candidates]
+    progress(_SHARE_OF_STAGES + _SHARE_OF_MOTIONS)
+    (order, lowest, tied), found, fault = _settle_best(last, candidates, bic, error, given, base, surface)
+    best = candidates[order[0]]
     ordered = [candidates[number] for number in order]
     rows = [
         _row(fit, fixed, own=fit is own, error=error[i], behind=bic[i] - lowest, tied=tied[i])
@@ -423,14 +430,14 @@ def _ranking(
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
-    assessment = assess_best(current, ordered[0], rows, doubts)
+    assessment = assess_best(current, best, rows, doubts)
     findings = assessment.findings + ((test.left_out,) if test.left_out else ())
     # no background takes the place of a law
     if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
         findings = _with_what_is_missing(test, ordered, current, surface, findings)
     return Ranking(
         tuple(rows),
-        model,
+        replace(base, elements=best.candidate.elements),
         assessment.fits,
         findings,
         current.noise,
