@@ -55,12 +55,12 @@ SWEEP = rs.history.TimeHistory(RATE, np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME
     (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), harmonics=0), "must be 1 or more"),
     (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE)), "give the mass"),
     (lambda h: h.from_free_decay(h.TimeHistory(RATE, SINE, SINE), mass=1.0), "force does not end"),
-    (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE[:100]), mass=1.0), "too short|stand out"),
+    (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE[:100]), mass=1.0), "are needed: record it"),
     (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE), mass=1.0), "does not fall by a tenth"),
     (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, 0 * SINE), mass=1.0), "nothing moves"),
     (
         lambda h: h.from_free_decay(h.TimeHistory(RATE, None, np.exp(-20 * TIME) * SINE), mass=1.0),
-        "stand out",
+        "4 periods above noise",
     ),
 ])  # fmt: skip
 def test_faults_are_sentences(make: object, message: str) -> None:

@@ -19,7 +19,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -31,12 +33,15 @@ from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.data.free_mode import Kinematics
 from rsgen.data.history.envelope import (
     HARMONICS,
+    LENGTHS_PER_OCTAVE,
     NOISE_WIDTH,
     REFERENCE_PASSES,
+    SHORT_WINDOW_PERIODS,
     WINDOW_PERIODS,
     demodulate,
     differentiate,
     displacement_harmonics,
+    fit_together,
     highest_order,
     independent_instants,
     place_windows,
@@ -48,6 +53,7 @@ from rsgen.data.history.release import (
     Stretch,
     find_decays,
     force_ends,
+    too_short,
     within_octave,
 )
 from rsgen.data.record_set import DERIVATIVE
@@ -59,8 +65,6 @@ _MAX_NOISE = 0.2
 """Of the force of a point of a surface, relative: c(X) of smaller motions is mostly noise."""
 _NEIGHBOURS = 7
 """Points whose scatter about a straight line gives the standard error of the middle one."""
-_MIN_PERIODS = WINDOW_PERIODS * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
-"""Of a decay: as many independent windows."""
 _REACH_OF_WINDOW = 0.375
 """Of its length, from its middle: a motion that stops there changes the slope of the envelope by 0.2 %."""
 _NO_MASS = (
@@ -172,20 +176,20 @@ def from_free_decay(
         raise MeasurementError(
             f"start: {len(starts)} instants for {len(several)} histories; give one or one each"
         )
-    decays, findings, faults = list[FreeDecay](), list[Finding](), list[MeasurementError]()
-    labels = list[float | None]()
-    for history, begin in zip(several, starts, strict=True):
-        names = {"record": history.label}
-        try:
-            decays += map(_certain, _follow_all(history, mass, band, harmonics, begin))
-            labels += [history.level] * (len(decays) - len(labels))
-            numbers = {"mass": Quantity(mass, "kg")}
-            findings.append(Finding("force-of-decay", "info", numbers=numbers, names=names))
-        except MeasurementError as fault:
-            faults.append(fault)
-            findings.append(Finding("decay-taken", "warning", names={**names, "reason": str(fault)}))
+    records = _follow_records(several, starts, _Rule(mass, band, harmonics))
+    decays = [_certain(decay) for record in records for decay in record.decays]
     if not decays:
-        raise faults[0]
+        faults = [record.fault for record in records]
+        several_faults = f"none of the {len(faults)} records can be used: " + "; ".join(faults)
+        raise MeasurementError(several_faults if len(faults) > 1 else faults[0])
+    labels = [record.history.level for record in records for _ in record.decays]
+    used = ", ".join(record.history.label for record in records if record.decays)
+    findings = [Finding("force-of-decay", "info", "", {"mass": Quantity(mass, "kg")}, {"record": used})]
+    findings += [
+        Finding("decay-taken", "warning", names={"record": record.history.label, "reason": record.fault})
+        for record in records
+        if not record.decays
+    ]
     force = [decay.force for decay in decays]
     counts = [len(part) for part in force]
     level = [float(f"{np.max(np.abs(part)):.3g}") for part in force]
@@ -254,20 +258,63 @@ def follow_decay(
     Raises
     ------
     MeasurementError
-        No decay is found: the force never ends, or fewer than some 30 periods stand out of the noise.
+        No decay is found: the force never ends, or fewer than some 14 periods stand out of the noise.
     """
     check_options(history.label, band=band, mass=mass, harmonics=harmonics)
-    decays = _follow_all(history, mass, band, harmonics, start)
-    return max(decays, key=lambda decay: float(decay.amplitude[0]))
+    (record,) = _follow_records([history], [start], _Rule(mass, band, harmonics))
+    if not record.decays:
+        raise MeasurementError(record.fault)
+    return max(record.decays, key=lambda decay: float(decay.amplitude[0]))
 
 
 _Band = tuple[float, float] | None
 
 
-def _follow_all(
-    history: TimeHistory, mass: float | None, band: _Band, harmonics: int, start: float | None
-) -> list[FreeDecay]:
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """How decays are followed: arguments of ``follow_decay``, and the periods in a window."""
+
+    mass: float | None
+    band: _Band
+    harmonics: int
+    window: float = WINDOW_PERIODS
+
+    @property
+    def short(self) -> bool:
+        return self.window < WINDOW_PERIODS
+
+
+class _Followed(NamedTuple):
+    """The decays of a record, or why there is none."""
+
+    history: TimeHistory
+    decays: list[FreeDecay]
+    fault: str = ""
+
+
+def _follow_records(
+    histories: Sequence[TimeHistory], starts: Sequence[float | None], rule: _Rule
+) -> list[_Followed]:
+    """Follow the decays of records, in short windows where more of them have decays then.
+
+    Windows have one length in all records, for their noise depends on it.
+    """
+    records = list[_Followed]()
+    for history, start in zip(histories, starts, strict=True):
+        try:
+            records.append(_Followed(history, _follow_all(history, start, rule)))
+        except MeasurementError as fault:
+            records.append(_Followed(history, [], str(fault)))
+    if rule.short or all(record.decays for record in records):
+        return records
+    shorter = _follow_records(histories, starts, replace(rule, window=SHORT_WINDOW_PERIODS))
+    # long windows where both are as many
+    return max(records, shorter, key=lambda followed: sum(bool(record.decays) for record in followed))
+
+
+def _follow_all(history: TimeHistory, start: float | None, rule: _Rule) -> list[FreeDecay]:
     """Return every decay of a record; one that is too short is left out if there are others."""
+    band = rule.band
     ended = force_ends(history, len(history))
     loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
     line = _strongest(history.response[loudest if ended is None else ended :], history, band)
@@ -275,7 +322,7 @@ def _follow_all(
     stretches = find_decays(history, line, band, start)
     for stretch in stretches:
         try:
-            decays.append(_follow_one(history, stretch, mass, band, harmonics))
+            decays.append(_follow_one(history, stretch, rule))
         except MeasurementError as error:
             fault = error
     if fault is not None and not decays:
@@ -291,16 +338,15 @@ def _follow_all(
     return decays
 
 
-def _follow_one(
-    history: TimeHistory, stretch: Stretch, mass: float | None, band: _Band, harmonics: int
-) -> FreeDecay:
+def _follow_one(history: TimeHistory, stretch: Stretch, rule: _Rule) -> FreeDecay:
     """Follow the strongest line of a decay: frequency and damping ratio over its falling amplitude."""
+    mass, harmonics = rule.mass, rule.harmonics
     begin = stretch.begin
     samples = history.response[begin : stretch.end]
     if len(samples) < MIN_SAMPLES:
         raise MeasurementError(f"{history.label}: {len(samples)} samples of a free decay are too few")
-    line = _strongest(samples, history, band)
-    time, envelope, curve, stopped = _tracked(samples, history, line, harmonics, stretch.floor)
+    line = _strongest(samples, history, rule.band)
+    time, envelope, curve, stopped = _tracked(samples, history, line, stretch.floor, rule)
     omega, change = 2 * pi * np.asarray(curve(time)), 2 * pi * np.asarray(curve.derivative()(time))
     order = np.arange(1, envelope.shape[1])
     place = order * omega[:, None], order * change[:, None]
@@ -310,6 +356,8 @@ def _follow_one(
     scale = mass if mass is not None else 1.0
     needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale, motion.omega)
     damping = damping + scale * loss
+    # the force of friction is straight over its few short windows, c(X) is not
+    size = motion.omega * np.abs(table[:, 1]) if rule.short else np.ones(len(time))
     stiffness = np.asarray((needed / motion.displacement).real + scale * motion.omega**2)
     found = FreeDecay(
         time=time + begin / history.rate,
@@ -318,7 +366,7 @@ def _follow_one(
         stiffness=stiffness,
         damping=damping,
         stiffness_error=_scatter(stiffness),
-        damping_error=_scatter(damping),
+        damping_error=_scatter(damping * size) / size,
         harmonics=table,
         mass=mass,
         label=history.label,
@@ -382,39 +430,52 @@ def _released(history: TimeHistory, begin: int, frequency: float) -> float:
 
 
 def _tracked(
-    samples: Array, history: TimeHistory, first: float, harmonics: int, floor: float
+    samples: Array, history: TimeHistory, first: float, floor: float, rule: _Rule
 ) -> tuple[Array, ComplexArray, scipy.interpolate.PchipInterpolator, int]:
     """Return instants (n,) [s], envelopes there, frequency [Hz] of the line that begins at ``first`` [Hz].
 
     Last is the number of points left out because the motion stops within their window.
     """
+    # less than twice the unknowns of a short window
+    coarse = SHORT_WINDOW_PERIODS * history.rate / first < 2 * 4 * (2 * HARMONICS + 1)
+    window = WINDOW_PERIODS if coarse else SHORT_WINDOW_PERIODS
+    needed = window * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
+    # where friction stops, short windows end as far from the stop as long ones
+    stop = needed + WINDOW_PERIODS * _REACH_OF_WINDOW - window / 2
+    refusal = partial(too_short, samples, history, first, needed, max(needed, stop))
     time, frequency = _follow(samples, history.rate, first)
-    if len(time) < 2:
-        raise _too_short(history, first, len(samples) / history.rate * first)
+    # of the longest window, with its rounding
+    half = rule.window / 2 * 2 ** (1 / LENGTHS_PER_OCTAVE) / frequency[0]
+    end = len(samples) / history.rate
+    if rule.short:
+        # nearer to both ends than spectra are
+        time, frequency = np.pad(time, 1, constant_values=(0, end)), np.pad(frequency, 1, mode="edge")
+    if (rule.short and coarse) or len(time) < 2 or end < 2 * half:
+        raise refusal()
+    stopped = 0
     for number in range(REFERENCE_PASSES):
         curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
-        time, envelope = _demodulated(samples, history, curve, time, harmonics)
+        if not rule.short:
+            time = _instants(curve, time[0], time[-1], rule)
+        elif number == 0:
+            time = _instants(curve, half, end - half, rule)
+        time, envelope = _demodulated(samples, history, curve, time, rule)
         clear = loud = _clear(envelope[:, 1, 0], floor)
-        if number == REFERENCE_PASSES - 1:
+        if number == REFERENCE_PASSES - 1 or rule.short:
             reach = _REACH_OF_WINDOW * WINDOW_PERIODS / np.asarray(curve(time))
             clear = loud & _moving(envelope[:, 1], reach)
+            stopped += int(np.count_nonzero(loud & ~clear))
         if np.count_nonzero(clear) < _NEIGHBOURS:
-            last = float(np.max(time[clear], initial=0.0))
-            turns = float(curve.antiderivative()(last)) - float(curve.antiderivative()(0.0))
-            raise _too_short(history, first, turns + WINDOW_PERIODS / 2 if last else WINDOW_PERIODS)
+            raise refusal()
         time, envelope = time[clear], envelope[clear]
         growth = envelope[:, 1, 1] / envelope[:, 1, 0]
         frequency = np.asarray(curve(time) + growth.imag / (2 * pi))
-    return time, envelope, curve, int(np.count_nonzero(loud & ~clear))
+    return time, envelope, curve, stopped
 
 
-def _too_short(history: TimeHistory, line: float, periods: float) -> MeasurementError:
-    """Return the refusal of a decay at a ``line`` [Hz] that can be followed for some ``periods``."""
-    return MeasurementError(
-        f"{history.label}: the decay at {line:.4g} Hz can be followed for at most {periods:.0f} periods, and "
-        f"{_MIN_PERIODS:.0f} are needed: friction stops it, too few stand out of the noise, the record ends, "
-        "or a second mode beats with it (then give a band around one)"
-    )
+def _instants(curve: scipy.interpolate.PchipInterpolator, first: float, last: float, rule: _Rule) -> Array:
+    """Return instants of independent windows from ``first`` to ``last`` [s]."""
+    return independent_instants(lambda t: rule.window / np.asarray(curve(t)), first, last)
 
 
 def _demodulated(
@@ -422,17 +483,21 @@ def _demodulated(
     history: TimeHistory,
     curve: scipy.interpolate.PchipInterpolator,
     time: Array,
-    harmonics: int,
+    rule: _Rule,
 ) -> tuple[Array, ComplexArray]:
     """Return instants (n,) [s] and envelopes (n, orders, 3) [SI] against a curve of the frequency [Hz]."""
     rate, turns = history.rate, curve.antiderivative()
-    t = independent_instants(lambda t: WINDOW_PERIODS / np.asarray(curve(t)), time[0], time[-1])
-    period = rate / curve(t)
-    orders = highest_order(harmonics, rate, float(np.max(curve(t))))
-    windows = place_windows(t * rate, WINDOW_PERIODS * period, period, orders, len(samples))
-    envelope = demodulate(
-        samples, rate, lambda t: np.asarray(2 * pi * turns(t)), windows, tuple(range(orders + 1))
-    )
+    period = rate / curve(time)
+    orders = highest_order(rule.harmonics, rate, float(np.max(curve(time))))
+    windows = place_windows(time * rate, rule.window * period, period, orders, len(samples))
+
+    def phase(t: Array) -> Array:
+        return np.asarray(2 * pi * turns(t))
+
+    if rule.short:
+        envelope = fit_together(samples, rate, phase, windows, max(orders, HARMONICS))[:, : orders + 1]
+    else:
+        envelope = demodulate(samples, rate, phase, windows, tuple(range(orders + 1)))
     return windows.middle / rate, envelope
 
 
@@ -483,8 +548,10 @@ def _moving(envelope: ComplexArray, reach: Array) -> NDArray[np.bool_]:
 
     By value, slope and bend of the envelope (n, 3): an exponential decay never does, dry friction stops.
     """
-    growth, bend = (envelope[:, 1:] / envelope[:, :1]).T
-    left = 1 + growth.real * reach + (bend.real + growth.imag**2) * reach**2 / 2
+    with np.errstate(all="ignore"):
+        # NaN where nothing moves
+        growth, bend = (envelope[:, 1:] / envelope[:, :1]).T
+        left = 1 + growth.real * reach + (bend.real + growth.imag**2) * reach**2 / 2
     return np.asarray(np.logical_and.accumulate(left > 0))
 
 

@@ -4,6 +4,7 @@ A signal y(t) = Re sum_h Y_h(t) exp(i h phi(t)) is mixed with exp(-i h phi) and 
 weighted least squares within a window of some periods: its value and derivatives at the middle are Y_h, Y_h'
 and Y_h''. That is a low-pass filter (Savitzky and Golay 1964, here with a cos^4 taper, so that the other
 harmonics are damped by 100 dB) which does not flatten a peak of the envelope, as a plain average would.
+In windows that are too short for that, cubics of all harmonics are fitted together (``fit_together``).
 """
 
 from __future__ import annotations
@@ -78,12 +79,15 @@ def displacement_harmonics(
 
 WINDOW_PERIODS = 10.0
 """Periods in a window: the shortest whose taper separates the harmonics by 100 dB."""
+SHORT_WINDOW_PERIODS = 5.0
+"""Periods in a window whose harmonics are fitted together: their noise is that of harmonics fitted alone, but
+2.7 times as large in windows of four periods."""
 REFERENCE_PASSES = 4
 """Passes over a record: the envelope is fitted about a reference, a phase over time, and the phase that is
 found is the next reference. Each pass squares the error (``decay``, ``tracking``)."""
 _SUMS_PER_PERIOD = 8
 """Of the highest harmonic, to which finer samples are added up: four times the Nyquist rate."""
-_LENGTHS_PER_OCTAVE = 16
+LENGTHS_PER_OCTAVE = 16
 """Lengths of windows, in steps of 4 %: neighbours have one length and share their sums."""
 _INTEGRATION_INSTANTS = 20_001
 """Instants for an integral over a history: at least ten a window in one of 2000 windows."""
@@ -133,7 +137,7 @@ def place_windows(middle: Array, length: Array, period: Array, orders: int, size
     middle, length, period = np.broadcast_arrays(middle, length, period)
     finest = period / (_SUMS_PER_PERIOD * max(orders, 1))
     step = np.maximum(1, 2 ** np.floor(np.log2(np.maximum(finest, 1.0)))).astype(np.int64)
-    count = np.exp2(np.round(_LENGTHS_PER_OCTAVE * np.log2(length / step)) / _LENGTHS_PER_OCTAVE)
+    count = np.exp2(np.round(LENGTHS_PER_OCTAVE * np.log2(length / step)) / LENGTHS_PER_OCTAVE)
     count = np.round(count).astype(np.int64)
     # a multiple of the step, so that neighbours share their sums
     first = (np.round((middle - step * count / 2) / step) * step).astype(np.int64)
@@ -211,6 +215,30 @@ def demodulate(
             sums = (samples * mixed).reshape(-1, step).sum(axis=1)
             views = np.lib.stride_tricks.sliding_window_view(sums, count)[offsets]
             out[batch, column] = (views @ kernel) * (2.0 if order else 1.0)
+    return out
+
+
+def fit_together(
+    signal: NDArray[Any], rate: float, phase: Callable[[Array], Array], windows: Windows, orders: int
+) -> ComplexArray:
+    """Fit mean and harmonics up to ``orders`` at once, in windows too short for the taper to part them.
+
+    The cubics of all are unknowns of one weighted least squares, so that none leaks into another.
+    Returns what ``demodulate`` does.
+    """
+    out = np.zeros((len(windows), orders + 1, 3), dtype=np.complex128)
+    order = np.arange(orders + 1)
+    for row, (first, size) in enumerate(zip(windows.first, windows.step * windows.count, strict=True)):
+        place = np.arange(size) - (size - 1) / 2
+        turn = np.exp(1j * order * phase((first + np.arange(size)) / rate)[:, None])
+        columns = (turn[:, :, None] * (place / size)[:, None, None] ** np.arange(4)).reshape(size, -1)
+        # a mean has no imaginary part
+        design = np.concatenate([columns.real, -columns.imag[:, 4:]], axis=1)
+        weighted = design.T * np.cos(np.pi * place / size) ** 4
+        samples = np.asarray(signal[first : first + size], dtype=np.float64)
+        real, imaginary = np.split(np.linalg.solve(weighted @ design, weighted @ samples), [columns.shape[1]])
+        cubic = real + 1j * np.concatenate([np.zeros(4), imaginary])
+        out[row] = cubic.reshape(-1, 4)[:, :3] * np.array([1.0, rate / size, 2 * (rate / size) ** 2])
     return out
 
 

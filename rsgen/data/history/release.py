@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from math import log
+from math import log, pi
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.common.tolerances import OUTLIER_SIGMAS, ROUND_OFF, deviation_of_median
+from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, OUTLIER_SIGMAS, ROUND_OFF, deviation_of_median
 from rsgen.data.history.record import MAX_IDLE_FORCE, MIN_SAMPLES, TimeHistory, clipped_samples
+from rsgen.data.record_set import DERIVATIVE
 
 SPECTRUM_PERIODS = 8
 """Periods in a spectrum that shows the amplitude: fewer than a decay has, enough to resolve the mode."""
@@ -317,3 +318,41 @@ def force_ends(history: TimeHistory, end: int) -> int | None:
     if active[-1] + MIN_SAMPLES > end:
         raise MeasurementError(f"{history.label}: the force does not end; a free decay is needed")
     return int(active[-1]) + 1
+
+
+def too_short(
+    samples: Array, history: TimeHistory, line: float, needed: float, if_stopped: float
+) -> MeasurementError:
+    """Return the refusal of a decay (n,) at a ``line`` [Hz], with the cause that its record shows.
+
+    Some periods are ``needed``, and some ``if_stopped`` by friction.
+    """
+    period = max(min(round(history.rate / line), len(samples) // 2), 1)
+    count = len(samples) // period
+    size = np.ptp(np.asarray(samples, dtype=np.float64)[: count * period].reshape(-1, period), axis=1) / 2
+    tail = scipy.signal.detrend(samples[-max(len(samples) // _REST_PARTS, 3 * period) :])
+    # what moves repeats itself, noise does not
+    goes_on = bool(np.std(tail[period:] - tail[:-period]) < np.std(tail))
+    largest = max(float(size[0]), float(np.finfo(float).tiny))
+    rest = 0.0 if goes_on else float(np.median(size[-max(count // _REST_PARTS, 2) :]))
+    rest = max(rest, MISFIT_NEGLIGIBLE * largest)
+    size = size[: int(np.max(np.flatnonzero(size > 2 * rest), initial=0)) + 1] / largest
+    # of an exponential the time to a half is that of every further half
+    halved = int(np.argmax(size < 0.5)) or len(size)
+    stops = not goes_on and halved > 1 and 2 < len(size) < halved * -np.log2(rest / largest) / 2
+    decay, counted = f"the decay at {line:.4g} Hz", f"and {if_stopped if stops else needed:.0f} are needed"
+    shown = f"{len(size)} period{'s' * (len(size) > 1)}"
+    if 2 * period >= MIN_SAMPLES and np.any(size > 2 * np.minimum.accumulate(size)):
+        cause = f"{decay} rises again, as a second mode beats with it: give a band around one mode"
+    elif goes_on:
+        cause = f"the record has {shown} of {decay}, {counted}: record it to its end"
+    elif stops:
+        slope, step = np.polyfit(size[1:], size[:-1], 1)
+        least = 1.0
+        for _ in range(round(if_stopped) - len(size) + 1):
+            least = float(slope * least + step)
+        least *= largest * 1e3 / (2 * pi * line) ** DERIVATIVE[history.quantity]
+        cause = f"friction stops {decay} after {shown}, {counted}: release it from {least:.2g} mm or more"
+    else:
+        cause = f"{decay} has {shown} above noise, {counted}, 20 times above it: release it further out"
+    return MeasurementError(f"{history.label}: {cause}")
