@@ -115,16 +115,20 @@ def make_simulated(table: Any, maker: Maker) -> VirtualTest:
 _AS_LABEL = (
     '; for levels by names of sheets or files: unit = "label" and name = "{level} V" under [test.level]'
 )
+_DECAYS_BY_NUMBER = '; name decays by numbers: values and unit = "label" under [test.level]'
 
 
 def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
     before = len(maker.faults)
     observation = maker.make(Observation, table, "identify")
-    if isinstance(test, MeasuredTest) and not (test.level.known or test.history):
+    measured = test if isinstance(test, MeasuredTest) and not test.level.known else None
+    decays = measured and measured.history and measured.history.excitation == "ring-down"
+    if measured and (decays or not measured.history):
         # the name of a run or sheet, which may be a level's
+        hint = _DECAYS_BY_NUMBER if decays else _AS_LABEL
         maker.faults[before:] = [
-            f"{fault}{_AS_LABEL * ('.hold_out.' in fault)}" for fault in maker.faults[before:]
+            f"{fault}{hint * ('.hold_out.' in fault)}" for fault in maker.faults[before:]
         ]
     unit = maker.units.get("N", "N")
     planned, levels = test.planned_levels, list[float]()
@@ -423,8 +427,6 @@ class _Builder:
             truth=None if oscillator is None else {**oscillator.values, MASS: oscillator.mass},
             accept=accept,
             printed=printed,
-            # "1" is how units calls a plain number; downstream that is no unit
-            units={**{k: "" if u == "1" else u for k, u in units.items()}, MASS: "kg"},
             ranked=document.model == "rank",
         )
 

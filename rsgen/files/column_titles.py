@@ -64,7 +64,7 @@ def unit_doubts(
             # a title may end like a unit of something else; volts are what a sensor gives without its factor
             volts = title in _VOLTAGES and channel.unit not in _VOLTAGES
             bracketed = titles.get(column, "").rstrip()[-1:] in (")", "]")
-            if volts or (bracketed and _is_of_signal(title)):
+            if volts or (bracketed and is_of_signal(title)):
                 found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
             continue
         if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
@@ -76,7 +76,7 @@ _SIGNALS = ("N", *(unit + per for unit in QUANTITIES.values() for per in ("", "/
 """SI units of a force, of motions, and of motions over a force."""
 
 
-def _is_of_signal(unit: str) -> bool:
+def is_of_signal(unit: str) -> bool:
     """Return True for a unit of a force, a motion, or one over the other."""
     for target in _SIGNALS:
         with suppress(RsgenError):

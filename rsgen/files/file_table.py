@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.column_titles import unit_doubts, unit_in
+from rsgen.files.column_titles import is_of_signal, unit_doubts, unit_in
 from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
@@ -109,7 +109,8 @@ def to_si(
             except RsgenError:
                 # a unit of another dimension than the quantity
                 about = {"file": label, "column": str(address), "unit": target, "title": channel.unit}
-                findings[channel.unit, address] = Finding("unit-contradicts-title", "warning", names=about)
+                severity: Severity = "doubt" if is_of_signal(channel.unit) else "warning"
+                findings[channel.unit, address] = Finding("unit-contradicts-title", severity, names=about)
                 continue
             if factor != 1:
                 about = {"file": label, "column": str(address), "unit": channel.unit}

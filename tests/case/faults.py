@@ -129,6 +129,7 @@ OF_HISTORY: list[Changes] = [
     {"test.level": {"values": [1], "unit": "V"}},
     {"test.sweep": {"direction": "down"}},
     {"test.level": {"values": ["3 N"]}, "test.excitation": "ring-down", "test.force": GONE},
+    {"test.excitation": "ring-down", "test.force": GONE, "identify": {"hold_out": ["40 mm"]}},
     {
         "test.time.rate": "-4 Hz", "test.demodulation": {"band": ["3 Hz", "2 m"], "bandwidth": 0},
         "test.file": ["a.csv", "../b"], "test.force": {"samples": 1, "scale": "rms", "unit": "mm"},

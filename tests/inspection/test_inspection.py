@@ -69,11 +69,9 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path, file, run_cli, begun):
     (tmp_path / file.name).write_bytes(file.read_bytes())
     case = begun(tmp_path / file.name)
     if file.name == "decay.uff":
-        # a decay asks for the mass, and says so
-        checked = run_cli("check", case)
-        assert checked.code == 2
-        assert "system.mass: is missing" in checked.err
-        case.write_text(case.read_text().replace('# mass = "1.5 kg"', 'mass = "1.5 kg"'))
+        # a result is doubtful until it is known
+        assert "TODO: write the moving mass" in case.read_text()
+        assert "doubt: not confirmed" in run_cli("check", case).out
     text = case.read_text()
     if '"?"' in text:
         # records of a file whose name does not say how the structure was excited
@@ -461,6 +459,16 @@ def test_instants_of_any_clock_are_no_frequency_and_no_response(tmp_path):
     assert (test["time"]["column"], test["response"]["samples"]) == ("time", "?")
     asked = doubts(tmp_path / "ring-down.csv")["test.response.samples"]
     assert asked.startswith("TODO: no column is left for the response")
+
+
+def test_the_draft_of_a_decay_asks_for_the_mass(tmp_path, run_cli):
+    """It said that a mass which is not given is identified, and the run then refused the case."""
+    rows = [f"{n / 512:.6f},{np.exp(-n / 300) * np.cos(n / 8):.4f}" for n in range(600)]
+    path = table(tmp_path / "decay.csv", "Time (s),Displacement (mm)", rows)
+    assert run_cli("init", "--from", path, tmp_path / "case.toml").code == 0
+    draft = (tmp_path / "case.toml").read_text("utf-8")
+    assert "TODO: write the moving mass" in draft
+    assert "otherwise it is identified" not in draft
 
 
 def test_more_columns_than_are_read_are_counted(tmp_path, run_cli):

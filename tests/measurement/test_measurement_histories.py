@@ -146,6 +146,20 @@ def test_a_start_that_cuts_a_decay_is_named(tmp_path):
     assert "before the start that the case gives the response is up to 4.5 times" in sentence(found[0])
 
 
+def test_a_title_of_another_quantity_than_the_response_is_a_doubt(tmp_path):
+    """Displacements read as velocities were "identified", with a friction 14 times too large."""
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "\n".join(["n,Displacement (mm)", *(f"{n},{a:.6f}" for n, a in enumerate(ACCELERATION[0]))]) + "\n",
+        "utf-8",
+    )
+    for quantity, doubted in (("displacement", False), ("velocity", True)):
+        rule = HistoryRule("ring-down", rate=200.0)
+        plan = history(path, force=None, response="Displacement (mm)", quantity=quantity, history=rule)
+        (got,) = read_histories(plan)
+        assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
+
+
 def test_integers_of_a_recorder_are_scaled(tmp_path):
     path = tmp_path / "a.npz"
     counts = np.round(32767 * FORCE).astype("i2")

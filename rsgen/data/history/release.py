@@ -340,11 +340,14 @@ def too_short(
     # of an exponential the time to a half is that of every further half
     halved = int(np.argmax(size < 0.5)) or len(size)
     stops = not goes_on and halved > 1 and 2 < len(size) < halved * -np.log2(rest / largest) / 2
-    decay, counted = f"the decay at {line:.4g} Hz", f"and {if_stopped if stops else needed:.0f} are needed"
+    decay, counted = (
+        f"the decay at {line:.4g} Hz",
+        f"and {max(if_stopped, len(size) + 1) if stops else needed:.0f} are needed",
+    )
     shown = f"{len(size)} period{'s' * (len(size) > 1)}"
     if 2 * period >= MIN_SAMPLES and np.any(size > 2 * np.minimum.accumulate(size)):
         cause = f"{decay} rises again, as a second mode beats with it: give a band around one mode"
-    elif goes_on:
+    elif goes_on and len(size) < needed:
         cause = f"the record has {shown} of {decay}, {counted}: record it to its end"
     elif stops:
         slope, step = np.polyfit(size[1:], size[:-1], 1)

@@ -306,7 +306,7 @@ def draw_energy(
     top.set_ylabel(y.label("Energy of a cycle D"))
     top.set_xlabel(x.label("Amplitude X"))
     top.legend(loc="upper left")
-    caption = "Energy dissipated in a cycle: its slope is near 2 for viscous and structural damping"
+    caption = "Energy of a cycle: its slope is near 2 for viscous and structural damping, 1 for dry friction"
     if remembers(identification.model.force):
         caption += ", 2.2 to 3 in micro-slip, 1 in macro-slip"
     return drawing.Drawing("energy", figure, caption + ".", ax is None)
