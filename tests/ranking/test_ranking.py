@@ -727,6 +727,12 @@ def test_what_predicts_levels_comes_before_what_fits_them() -> None:
     assert order_candidates([1.0, 0.0, 0.5, 9.0], [np.nan] * 4, [4, 6, 7, 3])[0] == [0, 1, 2, 3]
 
 
+def test_a_fit_that_ends_at_the_limit_of_a_parameter_did_not_converge():
+    """Four times the largest displacement is the limit of xs; softening by a third power has none."""
+    ranking = rank(measured("cubic"), [laws["tanh-joint"]])
+    assert [one.name for one in ranking if not one.converged] == ["tanh-joint"]
+
+
 def test_fits_that_did_not_converge_are_marked_in_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rsgen.identification.ranking.candidate_fit.NEAR_STEPS", 1)
     names = ["cubic-spring", "tanh-joint", "odd-power-spring", "quintic-spring"]

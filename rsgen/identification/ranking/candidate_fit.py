@@ -109,7 +109,7 @@ class CandidateFit:
     fault
         Why it is no candidate; "" where it is one.
     converged
-        False if the steps of its parameters ended before its least misfit.
+        False if the steps of its parameters ended before its least misfit, or at a limit.
     """
 
     candidate: CandidateLaw
@@ -270,8 +270,8 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
     if fault:
         return CandidateFit(fitted, residual, lambda: residual, rows.compared, background_cost, fault)
     predict = partial(_predict_levels, balance, place, residual, matrix, rules)
-    # what is linear in all parameters is solved for
-    converged |= not balance.nonlinear
+    # what is linear in all parameters is solved for; at a limit the best value may lie beyond
+    converged = (converged or not balance.nonlinear) and not (place[:, None] == limits).any()
     return CandidateFit(fitted, residual, predict, rows.compared, background_cost, converged=converged)
 
 

@@ -60,7 +60,7 @@ _ORDER = (
 _COLUMNS_OF_NAME = 43
 """Of the 80 of a terminal."""
 
-_NOT_CONVERGED = "its fit did not converge: with more steps it may fit better"
+_NOT_CONVERGED = "its fit did not converge, or ended at the limit of a parameter: it may fit better"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Candidate:
     fault
         Why it could not be fitted, "" if it was; such candidates are the last, without numbers.
     converged
-        False if its fit ended before its least misfit: with more steps it may fit better.
+        False if its fit ended before its least misfit, or at the limit of a parameter: it may fit better.
     """
 
     name: str
