@@ -8,7 +8,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from rsgen import (
+    MultisineTest,
     ResponseSurface,
+    RsgenError,
     SimulatedTest,
     figures,
     identify,
@@ -586,3 +588,40 @@ def test_a_modal_table_of_held_amplitudes_predicts_one_force_a_level():
     exact = ResponseSurface(sizes, omega / (2 * np.pi), force, sizes + 0j, control="response")
     table = modal_table(noisy(exact, 1e-3, 1), mass=1.5)
     assert len(predict(table, surface=exact)) == 3
+
+
+@pytest.mark.slow
+def test_an_oscillator_whose_loop_closes_up_to_an_amplitude_is_predicted():
+    """Amplitudes of a kilometre, at which no loop of this law closes, ended in an error."""
+    memory = {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}
+    values = {"k": 5e4, "c": 40.0, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}
+    joint = Oscillator(2.0, (make_element("all", "k*x + c*v + z", memory),), values)
+    curve = predict(joint, [10.0])[10.0]
+    top = int(np.nanargmax(curve.amplitude))
+    own = simulate(joint, SimulatedTest([10.0], [float(curve.frequency[top])]))
+    assert curve.amplitude[top] == pytest.approx(own.amplitude[0], rel=5e-3)
+    joint = Oscillator(2.0, joint.elements, values | {"c": 0.0, "k": 2e4, "alpha": 1.0})
+    with pytest.raises(RsgenError, match=r"the law, whose memory has a loop up to .* m, needs damping"):
+        predict(joint, [1e9])
+
+
+@pytest.mark.parametrize("law", ["k*x + c*v + masing(Min(kt*x, Fs))", "k*x + c*v"])
+def test_a_level_asked_for_says_that_doubling_was_not_looked_for(law):
+    values = {"k": 2e4, "c": 8.0} | ({"kt": 3e3, "Fs": 1.0} if "kt" in law else {})
+    test = SimulatedTest([0.4, 0.8], np.linspace(13, 22, 20), method="harmonic-balance")
+    table = simulate(Oscillator(2.0, law, values), test)
+    shown = predict_shown(table, identify(table, law, Observation(predict=(0.6,))))
+    (said,) = (finding for finding in shown.findings if finding.code == "level-predicted")
+    assert ("only folds were looked for" in sentence(said)) == ("kt" in law)
+
+
+def test_levels_asked_of_a_multisine_are_said_to_be_those_of_a_sine():
+    oscillator = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 4.0})
+    records = simulate(oscillator, MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4))
+    found = identify(records, "k*x + k3*x**3 + c*v", Observation(hold_out=(3.0,)))
+    assert "amplitude of a sine with the rms of a record" in str(found)
+    for levels, said in ((None, []), ([1.0], ["sine"])):
+        prediction = predict(found, levels)
+        assert [f.names.get("by") for f in prediction.findings if f.code == "prediction-extrapolated"] == said
+        assert len(prediction.records) == 1
+    assert "curves are those under a sine, whose amplitude is the level" in str(prediction)

@@ -208,8 +208,6 @@ class Case(Brief):
         ``law.memory.FORCE_KEYS``.
     printed
         "stiffness", "damping": formulas as the source prints them, in X, X0, omega and the parameters.
-    units
-        SI unit of each parameter and of "m"; "" where the law does not determine it.
     ranked
         Whether the laws of the library compete with the case's own.
     """
@@ -226,11 +224,10 @@ class Case(Brief):
     truth: Mapping[str, float] | None
     accept: Mapping[str, float] = field(default_factory=dict)
     printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
     ranked: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("truth", "accept", "printed", "units"):
+        for name in ("truth", "accept", "printed"):
             table = getattr(self, name)
             if table is not None:
                 object.__setattr__(self, name, MappingProxyType(dict(table)))
@@ -255,8 +252,7 @@ class Case(Brief):
         """
         if model.elements == self.model.elements:
             return self
-        units = {name: unit for name, unit in self.units.items() if name == "m"}
-        return replace(self, model=model, truth=None, printed={}, units=units)
+        return replace(self, model=model, truth=None, printed={})
 
 
 # ----------------------------------------------------------------------------

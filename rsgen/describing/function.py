@@ -165,7 +165,13 @@ class DescribingFunction(Brief):
         return _scaled(self.damping, sympy.pi * symbol("omega") * symbol("X") ** 2)
 
     def evaluate(
-        self, X: ArrayLike, omega: ArrayLike, values: Mapping[str, float], mean: ArrayLike | None = None
+        self,
+        X: ArrayLike,
+        omega: ArrayLike,
+        values: Mapping[str, float],
+        mean: ArrayLike | None = None,
+        *,
+        closing: bool = True,
     ) -> Equivalent:
         """Compute equivalent stiffness and damping for amplitudes and frequencies.
 
@@ -181,6 +187,8 @@ class DescribingFunction(Brief):
             A value in SI units for each parameter, of either sign.
         mean
             X0 [m]; None finds the mean that balances the force, on the branch next to rest.
+        closing
+            False: NaN where the loop of a state does not close, in place of an error.
 
         Raises
         ------
@@ -209,7 +217,7 @@ class DescribingFunction(Brief):
         known = np.isfinite(means)
         stiffness, damping, _ = self.harmonics(flat[0], np.where(known, means, 0.0), flat[1], numbers)
         failed = np.flatnonzero(known & np.isnan(stiffness + damping))
-        if self.memory and len(failed):
+        if closing and self.memory and len(failed):
             raise self._loop_fault(values, *(float(part[failed[0]]) for part in (*flat, means)))
         stiffness, damping = (
             np.where(known, part, np.nan) if formula.has(symbol("X0")) else part

@@ -61,20 +61,17 @@ def _check_scale(test: MeasuredTest, label: str, column: int | str, array: Store
 
 
 def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
-    """Multiply, in place where numbers are floating: long histories are not copied."""
+    """Multiply; floating numbers times one are not copied, as histories may be long."""
     if values.dtype.kind not in "fc" or values.dtype == np.float16:
         # 16 bits fit into single precision
         values = values.astype(np.float32 if values.dtype.itemsize <= 2 else np.float64)
-    elif factor == 1:
-        return values
-    values *= values.dtype.type(factor)
-    return values
+    return values if factor == 1 else values * values.dtype.type(factor)
 
 
 def to_si(
     test: MeasuredTest, label: str, wanted: Sequence[int | str], groups: Sequence[list[StoredArray]]
 ) -> tuple[Finding, ...]:
-    """Bring channels to SI in place where the case leaves the unit to the file.
+    """Bring channels to SI where the case leaves the unit to the file.
 
     Parameters
     ----------

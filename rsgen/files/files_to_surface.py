@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
+from rsgen.common.errors import MeasurementError, RsgenError, listed, quote, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.history import (
@@ -538,7 +538,7 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
         A file cannot be read as the plan says; the message names file and line or row.
     """
     table = _read(test)
-    findings = _without_folders(table.findings, test.all_files)
+    findings = _once(_without_folders(table.findings, test.all_files))
     # units that were not stated, of all files in one note
     default = dict.fromkeys(text for found in findings if (text := found.names.get("default")))
     stated = [found for found in findings if "default" not in found.names]
@@ -559,6 +559,18 @@ def _without_folders(findings: tuple[Finding, ...], files: tuple[Path, ...]) -> 
             for f in findings
         )
     return findings
+
+
+def _once(findings: Iterable[Finding]) -> list[Finding]:
+    """Join findings that differ in their file alone."""
+    files: dict[Finding, list[str]] = {}
+    for found in findings:
+        names = {name: text for name, text in found.names.items() if name != "file"}
+        files.setdefault(replace(found, names=names), []).append(found.names.get("file", ""))
+    return [
+        replace(found, names={**found.names, "file": listed(list(dict.fromkeys(of)))}) if any(of) else found
+        for found, of in files.items()
+    ]
 
 
 def _read(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:

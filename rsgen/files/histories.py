@@ -80,9 +80,9 @@ def _rate_doubts(test: MeasuredTest, path: Path, rate: float, length: int) -> li
             units = [SECONDS[entry.unit]] if entry.unit in SECONDS else [*SECONDS.values()]
             rates = [(length - 1) / (span * unit) for unit in units]
             if not any(abs(found / rate - 1) < error for found in rates):
-                names = {"file": shown_path(path), "column": clues.called(entry), "by": "rate"}
-                numbers = quantities("Hz", rate=rate, found=rates[0])
-                return [Finding("unit-contradicts-title", "doubt", "", numbers, names)]
+                names = {"file": shown_path(path), "column": clues.called(entry)}
+                numbers = quantities("Hz", given=rate, fitted=rates[0])
+                return [Finding("fixed-contradicted", "doubt", "rate", numbers, names)]
     return []
 
 
@@ -150,9 +150,7 @@ class _Record:
                 )
             if channel.delay:
                 values = shifted(values, channel.delay * self.rate)
-            # a named channel may be needed again: only others are scaled in place
-            values = values[part] if self.test.channels is None else np.array(values[part])
-            values = scaled(values, factor * self.test.scale_of(channel))
+            values = scaled(values[part], factor * self.test.scale_of(channel))
             total = values if total is None else total + values
         return total
 
@@ -206,7 +204,7 @@ def _cut_findings(label: str, samples: NDArray[Any], part: slice) -> list[Findin
     if before <= _MIN_RATIO_OF_CUT * after:
         return []
     numbers = quantities(ratio=before / max(after, float(np.finfo(float).tiny)))
-    return [Finding("decay-begins-larger", "warning", "", numbers, {"record": label, "by": "start"})]
+    return [Finding("decay-taken", "warning", "", numbers, {"record": label})]
 
 
 def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeHistory]:

@@ -17,6 +17,8 @@ from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
+from rsgen.data.surface.mode_findings import nearest_factor
+from rsgen.data.surface.plausibility import COMMON_FACTORS
 from rsgen.data.surface.response_surface import ResponseSurface, amounts_of_levels, typical_amounts
 from rsgen.files.plan import UNIT_IN_NAME, MeasuredTest
 from rsgen.files.tree import star_pattern
@@ -339,6 +341,8 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     proportional = not test.level.labels and ratio.max() < LEVEL_TOLERANCE * ratio.min()
     numbers = {"ratio": Quantity(float(np.median(ratio)))} if proportional else {}
     corrected = [f for f in surface.findings if f.code == "sweep-rate" and f.names.get("mass") == "given"]
+    if proportional:
+        labels |= nearest_factor(numbers["ratio"].value, COMMON_FACTORS)
     numbers |= {"mass": corrected[0].numbers["mass"]} if corrected else {}
     found = [Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)]
     if test.level.labels and len(levels) > 2 and np.any(levels % 1) and np.all(np.diff(typical) < 0):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from rsgen.data.history import TimeHistory, from_stepped_sine
 from rsgen.data.history.stepped_sine import fit_sine, refine_frequency
+from rsgen.data.surface.response_surface import Outcome
 from tests.history.test_decay import MASS, RATE, STIFFNESS, response_to
 
 HELD = 2e-3
@@ -85,3 +86,16 @@ def test_the_error_of_a_step_is_that_of_its_noise() -> None:
     assert len(surface) == 1
     # of the whole step, from which a last part may be taken
     assert surface.error[0] == pytest.approx(0.1 * np.sqrt(2 / len(t)), rel=0.1)
+
+
+@pytest.mark.parametrize(("half", "decay", "outcome"), [
+    (0.3, 0.0, Outcome.PERIOD_TWO), (0.005, 0.0, Outcome.SETTLED), (0.3, 0.2, Outcome.SETTLED),
+])  # fmt: skip
+def test_a_step_whose_motion_repeats_after_two_periods_is_called_so(half, decay, outcome):
+    """Next to a stop the period of the motion doubles; such steps were outliers of a fit."""
+    t = np.arange(0, 40, 1 / RATE)
+    omega = 2 * np.pi * np.where(t < 20, 10, 12)
+    x = np.cos(omega * t - 1) + half * np.exp(-decay * (t - 20)) * (t >= 20) * np.cos(omega * t / 2)
+    x += 1e-3 * np.random.default_rng(4).standard_normal(len(t))
+    surface = from_stepped_sine(TimeHistory(RATE, np.cos(omega * t), x))
+    assert surface.outcome.tolist() == [Outcome.SETTLED, outcome]

@@ -104,6 +104,7 @@ def test_sweeps_of_one_force_share_a_level(tmp_path):
 DIP = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
 STEPS = np.where(np.abs(FREQUENCY - 10) < 0.5, 0.7, 1.0)
 HALF = {"2N.csv": 1.01, "6N.csv": 3.03}
+GRAVITY = {"1N.csv": 9.81, "3N.csv": 29.4}
 LABELS = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
 AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4.99}
 
@@ -135,6 +136,7 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
     (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], {"levels-disagree": "doubt"}),
     (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
+    (GRAVITY, {"name": "{level}N.csv"}, [9.81, 29.4], {"levels-disagree": "doubt"}),
     ({"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03], {"levels-disagree": "info"}),
     # nominal levels 1.7 and 2 times off the force of their files
     (
@@ -156,9 +158,12 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
     np.testing.assert_allclose(surface.levels, levels)
     assert severities(surface) == said
+    if forces is GRAVITY:
+        assert "nearly a factor of 9.81, as g read as m/s^2" in sentence(surface.findings[0])
     if forces is HALF:
         times = "0.505 times as much at all levels" in sentence(surface.findings[0])
         assert times == (said["levels-disagree"] == "doubt")
+        assert ("nearly a factor of 2, as" in sentence(surface.findings[0])) == times
         # of what the case calls labels no ratio: their unit, as volts, may not be one of forces
         assert ("ratio" in surface.findings[0].numbers) == (rule.get("unit") != "label")
 

@@ -13,7 +13,7 @@ from rsgen import load_case, sentence
 from rsgen.common.errors import MeasurementError
 from rsgen.data.history.record import sampling_rate
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.histories import read_histories
+from rsgen.files.histories import _record, read_histories
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 
@@ -126,7 +126,9 @@ def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step
         np.savez(path, **{title: time, "F": FORCE, "a": FORCE})
     (got,) = read_histories(history(path, history=swept(rate=rate)))
     found = [finding for finding in got.findings if finding.code != "unit-of-file"]
-    assert [(f.code, f.severity) for f in found] == [("unit-contradicts-title", "doubt")] * doubted
+    assert [(f.code, f.severity, f.parameter) for f in found] == [
+        ("fixed-contradicted", "doubt", "rate")
+    ] * doubted
     if doubted:
         said = sentence(found[0])
         assert f"the rate of the case is {rate:g} Hz" in said
@@ -142,7 +144,7 @@ def test_a_start_that_cuts_a_decay_is_named(tmp_path):
             history(tmp_path / "a.npz", force=None, response="x", quantity="displacement", history=rule)
         )
         found = [finding for finding in got.findings if finding.code != "unit-of-file"]
-        assert [f.code for f in found] == ["decay-begins-larger"] * cut
+        assert [(f.code, f.severity) for f in found] == [("decay-taken", "warning")] * cut
     assert "before the start that the case gives the response is up to 4.5 times" in sentence(found[0])
 
 
@@ -158,6 +160,14 @@ def test_a_title_of_another_quantity_than_the_response_is_a_doubt(tmp_path):
         plan = history(path, force=None, response="Displacement (mm)", quantity=quantity, history=rule)
         (got,) = read_histories(plan)
         assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
+
+
+def test_a_signal_that_is_asked_for_again_is_scaled_once(tmp_path):
+    """The second sum of a channel was its samples times the square of the factor."""
+    test = history(write(tmp_path / "a.npz"), response=Channel(samples="a[2]", factor=9.80665))
+    record = _record(test, swept(rate=50.0), 0)
+    for _ in range(2):
+        np.testing.assert_allclose(record.sum("response", slice(None)), ACCELERATION[1] * 9.80665)
 
 
 def test_integers_of_a_recorder_are_scaled(tmp_path):

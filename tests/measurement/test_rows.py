@@ -99,6 +99,18 @@ def test_a_quantity_that_the_title_contradicts_is_doubted(tmp_path, title, unit,
     assert codes == ["unit-contradicts-title"] * doubted
 
 
+def test_what_several_files_contradict_alike_is_said_once(tmp_path):
+    """Four files whose two columns were read in another unit were eight lines."""
+    paths = [text(tmp_path / f"{n}.csv", f"f_Hz,F_N,x_m\n1,{n},2\n2,{n},3\n") for n in (1, 2, 3, 4)]
+    signals = Channel(amplitude="F_N", unit="kN"), Channel(amplitude="x_m", unit="mm")
+    surface = read_measurement(MeasuredTest(tuple(paths), 1, *signals, "displacement", phase_known=False))
+    said = [sentence(f) for f in surface.findings if f.code == "unit-contradicts-title"]
+    assert said == [
+        f"1.csv, 2.csv, 3.csv, 4.csv: {column} is read in {unit}, but the file says {title}"
+        for column, unit, title in (("F_N", "kN", "N"), ("x_m", "mm", "m"))
+    ]
+
+
 def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
     path = text(tmp_path / "a.csv", "f_kHz,F_mN,x_mm\n1,2,3\n2,2,4\n")
     signals = Channel(amplitude="F_mN"), Channel(amplitude="x_mm")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen import sentence
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.history import TimeHistory, from_multisine
 from tests.surfaces import severities
@@ -73,6 +74,13 @@ def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():
     longer = from_multisine(records(8, rest=True))
     assert (np.asarray(longer.left_out) >= 1).all()
     assert short(longer) == []
+    # the case says that nothing is to be left out: it was believed
+    said = [
+        one for one in from_multisine(records(8, rest=True), transient=0).findings if "given" in one.numbers
+    ]
+    assert [one.severity for one in said] == ["doubt"] * len(records(8))
+    assert "the first that is used differs from the settled ones by" in sentence(said[0])
+    assert not any("given" in one.numbers for one in from_multisine(records(8), transient=0).findings)
     with pytest.raises(MeasurementError, match="transient: -1 periods; 0 or more"):
         from_multisine(records(4), transient=-1)
 

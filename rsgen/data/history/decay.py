@@ -409,8 +409,8 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
     return tuple(findings)
 
 
-_FREQUENCIES_OF_RELEASE = np.linspace(0.6, 1.6, 101)
-"""Of the first period of a decay, over that of its first window: a hardening spring is faster before."""
+_RATIOS_OF_RELEASE = (0.6, 1.6)
+"""Frequency of the first period of a decay over that of its first window: a hardening spring was faster."""
 
 
 def _released(history: TimeHistory, begin: int, frequency: float) -> float:
@@ -418,15 +418,15 @@ def _released(history: TimeHistory, begin: int, frequency: float) -> float:
     samples = np.asarray(
         history.response[begin : begin + int(history.rate / frequency) + 1], dtype=np.float64
     )
-    amplitude, least = 0.0, np.inf
-    for omega in 2 * pi * frequency * _FREQUENCIES_OF_RELEASE:
-        turn = omega * np.arange(len(samples)) / history.rate
-        columns = np.stack([np.ones_like(turn), np.cos(turn), np.sin(turn)], axis=1)
+    turn = 2 * pi * frequency * np.arange(len(samples)) / history.rate
+
+    def fitted(ratio: float) -> tuple[float, float]:
+        columns = np.stack([np.ones_like(turn), np.cos(ratio * turn), np.sin(ratio * turn)], axis=1)
         parts = np.linalg.lstsq(columns, samples, rcond=None)[0]
-        left = float(np.sum((samples - columns @ parts) ** 2))
-        if left < least:
-            amplitude, least = float(np.hypot(*parts[1:])) / omega ** DERIVATIVE[history.quantity], left
-    return amplitude
+        return float(np.sum((samples - columns @ parts) ** 2)), float(np.hypot(*parts[1:]))
+
+    ratio = scipy.optimize.minimize_scalar(lambda r: fitted(r)[0], bounds=_RATIOS_OF_RELEASE).x
+    return fitted(ratio)[1] / float(2 * pi * frequency * ratio) ** DERIVATIVE[history.quantity]
 
 
 def _tracked(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import (
     DEVIATING_MISFIT_RATIO,
+    MISFIT_NEGLIGIBLE,
     NOISE_LIMIT_SIGMAS,
     NOISE_RATIO_BY_CHANCE,
     ROUND_OFF,
@@ -152,6 +154,8 @@ def from_multisine(
     findings += [*copies, *_level_findings(records, typical, levels, BASE_UNITS[base])]
     if transient is None:
         findings += _unsettled(records, lengths)
+    else:
+        findings += _begins_early(records, [response for _, response in cut], transient)
     for length, omega in sorted({*zip(lengths, omega0[:1] if equal else omega0, strict=False)}):
         step = Quantity(float(omega) / 2 / np.pi, "Hz")
         numbers = quantities(samples=length, periods=settled, left_out=int(left.max()), step=step)
@@ -212,6 +216,23 @@ def _unsettled(records: Sequence[TimeHistory], lengths: Sequence[int]) -> list[F
     return (
         [Finding("multisine-periods", severity, "", quantities(periods=_MIN_PERIODS), names)] if short else []
     )
+
+
+def _begins_early(
+    records: Sequence[TimeHistory], responses: Sequence[ComplexArray], given: int
+) -> list[Finding]:
+    """Return findings about records of which less is left out, as given, than shows a transient."""
+    findings = []
+    for record, response in zip(records, responses, strict=False):
+        with suppress(MeasurementError):
+            left = _transient(record, response, None)
+            settled = response[left:].mean(axis=0)
+            noise, first = (float(np.median(rms(r - settled))) for r in (response[left:], response[[given]]))
+            share = first / max(float(rms(settled)), 1e-300)
+            if left > given and first > NOISE_LIMIT_SIGMAS * noise and share > MISFIT_NEGLIGIBLE:
+                numbers = quantities(given=given, found=left, share=share)
+                findings.append(Finding("multisine-periods", "doubt", "", numbers, {"record": record.label}))
+    return findings
 
 
 def _copies(

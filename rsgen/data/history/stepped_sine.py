@@ -16,8 +16,11 @@ from rsgen.common.errors import MeasurementError
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     MAX_TRIAL_STEPS,
+    MIN_MISFIT_REDUCTION,
     NOISE_LIMIT_SIGMAS,
     OUTLIER_SIGMAS,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
     STANDARD_ERRORS_OF_DIFFERENCE,
     deviation_of_median,
@@ -127,7 +130,7 @@ class _Step:
     force: ComplexArray
     harmonics: ComplexArray
     change: float
-    settled: bool
+    outcome: Outcome
     error: float
     share: float
     line: float
@@ -144,7 +147,7 @@ def from_stepped_sine(
 
     A step is a stretch of constant frequency and force. Of each, the longest last part whose two halves agree
     within 0.5 %, or within three standard errors of the difference that noise makes, is fitted; where none
-    does, the point is marked as not settled.
+    does, the point is marked as not settled, as is one whose response repeats after two periods only.
 
     Parameters
     ----------
@@ -176,7 +179,8 @@ def from_stepped_sine(
     for history in several:
         fitted = _steps_of(history, band, harmonics)
         findings += check_force(history, np.array([s.share for s in fitted]))
-        line, power = (np.array([getattr(s, name) for s in fitted]) for name in ("line", "power"))
+        once = [s for s in fitted if s.outcome != Outcome.PERIOD_TWO]
+        line, power = (np.array([getattr(s, name) for s in once]) for name in ("line", "power"))
         findings += check_response(history, line, power)
         steps += fitted
         sweeps.append(_directions(np.array([s.frequency for s in fitted])))
@@ -186,7 +190,7 @@ def from_stepped_sine(
         force=_same_width([s.force for s in steps]),
         harmonics=np.array([s.harmonics for s in steps]),
         sweep=np.concatenate(sweeps),
-        outcome=np.where([s.settled for s in steps], Outcome.SETTLED, Outcome.UNSETTLED),
+        outcome=np.array([s.outcome for s in steps]),
         residual=np.array([s.change for s in steps]),
         error=np.array([s.error for s in steps]),
         findings=tuple(findings),
@@ -321,6 +325,18 @@ def _settled_part(
     return change, start, False
 
 
+def _repeats_after_two(
+    signal: NDArray[Any], omega: float, orders: int, fundamental: float, noise: float
+) -> bool:
+    """Return whether sines of half the frequency explain most of what others leave (``noise``), and last."""
+    halves, left = fit_sine(signal, omega / 2, 2 * orders)
+    if abs(halves[1]) < RELATIVE_CHANGE_NEGLIGIBLE * fundamental or left > MIN_MISFIT_REDUCTION * noise:
+        return False
+    middle = len(signal) // 2
+    one, two = (fit_sine(part, omega / 2, 2)[0][1] for part in (signal[:middle], signal[middle:]))
+    return bool(abs(one * np.exp(0.5j * omega * middle) - two) < RELATIVE_ERROR_DOUBTFUL * abs(two))
+
+
 def _significant_harmonics(
     force: NDArray[Any], omega: float, orders: int, fundamental: complex
 ) -> ComplexArray:
@@ -354,13 +370,16 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
     rate = omega * history.rate
     table = displacement_harmonics(moved[None], np.array([rate]), history.quantity, harmonics)
     error = noise * np.sqrt(2 / len(force)) / max(abs(moved[1]), _TINY)
+    outcome = Outcome.SETTLED if settled else Outcome.UNSETTLED
+    if _repeats_after_two(history.response[start:end], omega, orders, abs(moved[1]), noise):
+        outcome = Outcome.PERIOD_TWO
     return _Step(
         level=history.level,
         frequency=rate / (2 * pi),
         force=_significant_harmonics(force, omega, orders, complex(pushed[1])),
         harmonics=table[0],
         change=change,
-        settled=settled,
+        outcome=outcome,
         error=float(error),
         share=fed / max(fed + left**2, _TINY),
         line=line,

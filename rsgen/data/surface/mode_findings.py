@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from math import nan, pi
@@ -142,6 +142,13 @@ def _of_mass(force: ComplexArray, motion: Kinematics, given: float) -> list[Find
     return [replace(found, names={**found.names, "by": "any law"})]
 
 
+def nearest_factor(ratio: float, factors: Mapping[str, float]) -> dict[str, str]:
+    """Return the factor that a ratio, or its inverse, nearly is, as the name "near" of a finding, or {}."""
+    off = {word: abs(abs(np.log(ratio)) - np.log(by)) for word, by in factors.items() if ratio > 0}
+    word = min(off, key=off.__getitem__, default="")
+    return {"near": word} if word and off[word] < RELATIVE_ERROR_DOUBTFUL / 2 else {}
+
+
 def fixed_contradicted(
     name: str, given: float, moved: float, *, misfit: float, left: float, times: float
 ) -> Finding:
@@ -152,10 +159,7 @@ def fixed_contradicted(
     if name == "m" and given + moved < 0:
         return Finding("mass-negative", "error", "m", {"mass": Quantity(given + moved, "kg")})
     unit, ratio = "kg" if name == "m" else "", 1 + moved / given if given else 0.0
-    near = COMMON_FACTORS | (_FACTORS_OF_MASS if name == "m" else {})
-    off = {word: abs(abs(np.log(ratio)) - np.log(by)) for word, by in near.items() if ratio > 0}
-    word = min(off, key=off.__getitem__, default="")
-    names = {"near": word} if word and off[word] < RELATIVE_ERROR_DOUBTFUL / 2 else {}
+    names = nearest_factor(ratio, COMMON_FACTORS | (_FACTORS_OF_MASS if name == "m" else {}))
     numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
     numbers |= quantities(misfit=misfit, left=left, moved=moved / abs(given or moved), times=times)
     if name == "m" and not 1 / _MASS_MISREAD < ratio < _MASS_MISREAD:

@@ -9,12 +9,19 @@ of a multisine has every amplitude up to its peaks: the table needs no test at s
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE, ROUND_OFF, SAMPLES_PER_PERIOD_SWITCHED
+from rsgen.common.finding import Finding, quantities
+from rsgen.common.tolerances import (
+    MIN_MISFIT_REDUCTION,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    ROUND_OFF,
+    SAMPLES_PER_PERIOD_SWITCHED,
+)
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records
 from rsgen.data.oscillator import Model
 from rsgen.formula.reading import parse
@@ -55,16 +62,30 @@ _MARGIN = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Factor of the amplitudes beyond the tested ones."""
 
 
+def _fit_force(spectra: MultisineSpectra, model: Model, *terms: str) -> tuple[float, LineFit]:
+    """Fit the sum of some terms; return it with its AIC."""
+    law = compile_law(parse(" + ".join(terms)))
+    # along the motion as recorded: lines beyond it, that follow from a law, are small and cost much
+    lines = select_lines(spectra, model.observation, switched=False)
+    found = fit_lines(lines, law, model.fixed, *start_values(lines, law, model.fixed))
+    rows = 2 * int(lines.used.sum())
+    return rows * np.log(max(found.misfit**2, ROUND_OFF**2)) + 2 * int(found.free.sum()), found
+
+
+def _scattered(spectra: MultisineSpectra, model: Model, found: LineFit) -> tuple[Finding, ...]:
+    """Find lines that depart from one k(X) and c(X), and whether an even force does it."""
+    findings = scattered(found.misfit)
+    if findings:
+        _, even = _fit_force(spectra, model, *_SPRINGS, *_DAMPERS, "e2*x**2")
+        if even.misfit < MIN_MISFIT_REDUCTION * found.misfit:
+            numbers = quantities(misfit=found.misfit, left=even.misfit)
+            return (replace(findings[0], numbers=numbers, names={"even": "x**2"}),)
+    return findings
+
+
 def _fit_forces(spectra: MultisineSpectra, model: Model) -> list[tuple[float, LineFit]]:
     """Fit forces of more and more terms; return each with its AIC, the lowest first."""
-
-    def fitted(*terms: str) -> tuple[float, LineFit]:
-        law = compile_law(parse(" + ".join(terms)))
-        # along the motion as recorded: lines beyond it, that follow from a law, are small and cost much
-        lines = select_lines(spectra, model.observation, switched=False)
-        found = fit_lines(lines, law, model.fixed, *start_values(lines, law, model.fixed))
-        rows = 2 * int(lines.used.sum())
-        return rows * np.log(max(found.misfit**2, ROUND_OFF**2)) + 2 * int(found.free.sum()), found
+    fitted = partial(_fit_force, spectra, model)
 
     def lowest(tried: list[tuple[float, LineFit]]) -> int:
         return min(range(len(tried)), key=lambda place: tried[place][0])
@@ -137,6 +158,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
             if weight > MIN_LIKELIHOOD
         ]
         splines = replace(_splines(found, basis, size, errors), others=tuple(others[1:]))
+        findings = _scattered(spectra, model, found)
     calibrated = model.observation.calibrated
     kilogram = spectra.units.kilogram if calibrated else np.nan
     return ModalTable(
@@ -156,7 +178,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
             units=spectra.units,
             background=fitted_background(found, errors),
         ),
-        findings=scattered(found.misfit),
+        findings=findings,
     )
 
 

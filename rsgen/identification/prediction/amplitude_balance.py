@@ -541,26 +541,31 @@ def _resonant_ranges(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the ranges of amplitude [m] and frequency [Hz] of the resonances, to first order."""
     function = derive(oscillator.force)
-    omega = np.ones_like(_AMPLITUDES)
+    # each loop of states takes milliseconds
+    sizes = _AMPLITUDES[::4] if function.memory else _AMPLITUDES
+    omega = np.ones_like(sizes)
     for _ in range(_FREQUENCY_ITERATIONS):
         with np.errstate(all="ignore"):
-            first = function.evaluate(_AMPLITUDES, omega, oscillator.values)
+            first = function.evaluate(sizes, omega, oscillator.values, closing=False)
             stiffness, damping = np.asarray(first.stiffness), np.asarray(first.damping)
+            closes = np.isfinite(stiffness) | (not function.memory)
+            sizes, stiffness, damping = sizes[closes], stiffness[closes], damping[closes]
             omega = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / oscillator.mass)
             omega = np.where(np.isfinite(omega), omega, 1.0)
     with np.errstate(all="ignore"):
-        force = damping * omega * _AMPLITUDES
+        force = damping * omega * sizes
     known = np.isfinite(force) & np.isfinite(stiffness) & (stiffness > 0)
     reached = known & (force <= max(levels))
     if reached[known][-1:].all():
+        end = f", whose memory has a loop up to {sizes[-1]:.3g} m," if function.memory and len(sizes) else ""
         raise RsgenError(
-            f"predict: the resonance under {max(levels):g} N has no end; the law needs damping, and a "
+            f"predict: the resonance under {max(levels):g} N has no end; the law{end} needs damping, and a "
             "stiffness that stays positive"
         )
-    largest = float(_AMPLITUDES[reached][-1]) if reached.any() else float(_AMPLITUDES[known][0])
+    largest = float(sizes[reached][-1]) if reached.any() else float(sizes[known][0])
     small = known & (force <= min(levels))
-    smallest = float(_AMPLITUDES[small][-1]) if small.any() else largest
-    chosen = known & (largest >= _AMPLITUDES) & (smallest * _FLANK_AMPLITUDE <= _AMPLITUDES)
+    smallest = float(sizes[small][-1]) if small.any() else largest
+    chosen = known & (largest >= sizes) & (smallest * _FLANK_AMPLITUDE <= sizes)
     width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
     low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
     around = max(HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)

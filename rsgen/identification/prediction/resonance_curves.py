@@ -92,7 +92,8 @@ def predict(
         resonances of the fitted and the held-out levels.
     surface
         Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
-        is predicted, None: those of the held-out levels; curves, under a sine, only of ``levels`` asked for.
+        is predicted, None: those of the held-out levels. Curves are of ``levels`` asked for alone, each the
+        amplitude of a sine, where the levels of a multisine are root mean squares.
     band
         Lowest and highest frequency [Hz] of the curves; None: the tested range and a little more, of an
         oscillator the resonances with their flanks.
@@ -118,6 +119,8 @@ def predict(
         records = rsgen.identification.predict_multisine(found, spectra)
         if levels is None:
             return replace(records, findings=(*records.findings, *_along(found)))
+        sine = Finding("prediction-extrapolated", "info", names={"by": "sine"})
+        records = replace(records, findings=(sine, *records.findings))
     table, mass = None, found.mass
     if isinstance(found, ModalTable):
         table, found = found, table_as_identification(found)
@@ -567,7 +570,8 @@ def _largest(curve: ResonanceCurve, base: str, band: tuple[float, float]) -> Fin
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
     jumps = ", ".join(f"{jump.replace(' ', ' Hz in a sweep ')}" for jump in curve.jumps)
     beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
-    said = {"base": base, "jumps": jumps, "beyond": beyond, **curve.lost}
+    folds = "folds" if len(curve.frequency) and np.isnan(curve.multiplier).all() else ""
+    said = {"base": base, "jumps": jumps, "beyond": beyond, "stability": folds, **curve.lost}
     return Finding(
         "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
     )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from math import isfinite, nan
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -343,7 +343,8 @@ class Identification(Printed):
     levels
         The fitted nominal levels [N], ascending; with response control the forces at the resonances.
     amplitude_range, frequency_range
-        Range of X [m] and of the frequency [Hz] over the fitted points.
+        Range of X [m] and of the frequency [Hz] over the fitted points; of the records of a multisine X is
+        sqrt(2) times the rms displacement.
     outcome
         The finding "identified": numbers of identified and all parameters, of points used and tested, of
         levels, and the relative misfit; none of values that were given.
@@ -466,6 +467,8 @@ class Identification(Printed):
             for name, value in self.model_given.fixed.items()
         )
 
+    _amplitude: ClassVar[str] = "amplitude"
+
     @property
     def _known(self) -> dict[str, float]:
         return {**{estimate.name: estimate.value for estimate in self.refined}, **self.model.fixed}
@@ -501,7 +504,7 @@ class Identification(Printed):
         # without repeats the noise is that of the misfit, unless this is the law's
         unknown = self.noise == self.residual and any(one.code == "law-does-not-fit" for one in self.findings)
         tested = (
-            f"amplitude {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
+            f"{self._amplitude} {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
             f"{'' if unknown else f'noise {100 * self.noise:.2g} %, '}misfit {100 * self.residual:.2g} %"
             + "; one level does not show whether the law holds at others"
             * (self.outcome.numbers.get("levels", (0,))[0] == 1)
@@ -551,6 +554,7 @@ class MultisineIdentification(Identification):
     used: NDArray[np.bool_] = field(kw_only=True)
     misfit: ComplexArray = field(kw_only=True)
     deviation: Array = field(kw_only=True)
+    _amplitude: ClassVar[str] = "amplitude of a sine with the rms of a record"
 
 
 @dataclass(frozen=True, slots=True)
