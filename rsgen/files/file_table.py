@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
-from rsgen.common.finding import Finding, Severity, quantities
+from rsgen.common.finding import Finding, quantities
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.column_titles import is_of_signal, unit_doubts, unit_in
@@ -106,8 +106,10 @@ def to_si(
             except RsgenError:
                 # a unit of another dimension than the quantity
                 about = {"file": label, "column": str(address), "unit": target, "title": channel.unit}
-                severity: Severity = "doubt" if is_of_signal(channel.unit) else "warning"
-                findings[channel.unit, address] = Finding("unit-contradicts-title", severity, names=about)
+                of_signal = is_of_signal(channel.unit)
+                findings[channel.unit, address] = Finding(
+                    "unit-contradicts-title", "doubt" if of_signal else "warning", names=about
+                )
                 continue
             if factor != 1:
                 about = {"file": label, "column": str(address), "unit": channel.unit}

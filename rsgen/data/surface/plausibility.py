@@ -341,7 +341,6 @@ COMMON_FACTORS = _UNIT_FACTORS | {"rms": 2**0.5, "peak-to-peak": 2.0, "radian": 
 """Factors by which a channel is too large or too small if its unit, or the kind of its amplitudes, is
 misread; and an acceleration against a displacement, or a mass, if frequencies are."""
 
-
 _LEAST_MOTION = 0.01
 """Relative motion below which friction may hold the mass, if most points move more."""
 
