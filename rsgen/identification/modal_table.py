@@ -380,7 +380,7 @@ def modal_table(
     points = replace(points, across=points.across[:, :0])
     # trials may overflow: points that are not finite have no prediction
     with np.errstate(all="ignore"):
-        seen = _mode_points(points, model)
+        seen = _mode_points(points, model, means.response_held)
         modal = choose_splines(seen, model.fixed.get("m", nan))
         found = fit_splines(modal)
         if seen.first[0] > 0 and _mass_hidden(modal, found):
@@ -400,7 +400,7 @@ def _model_of(about: Observation | Model | None, mass: float | None) -> Model:
     return join_model(Model(ANY_LAW, model.mass, model.observation), mass=mass)
 
 
-def _mode_points(points: Points, model: Model) -> ModePoints:
+def _mode_points(points: Points, model: Model, response_held: bool) -> ModePoints:
     """Select the points near resonance, and remove a background fitted with the surrogate of any law."""
     observed = Observed.of(points, model.observation.background)
     mode, background, first = points, np.zeros(0), (nan, nan, nan)
@@ -425,7 +425,7 @@ def _mode_points(points: Points, model: Model) -> ModePoints:
             "modal table: near resonance the response leads the force, so that the structure would feed the "
             "exciter; look at the sign, sense and quantity of the response"
         )
-    held = held_amplitudes(mode)
+    held = held_amplitudes(mode) if response_held else np.full(len(mode), nan)
     size = mode.amplitude if np.isnan(held).any() else held
     tested = float(size[near].min()), float(size[near].max())
     # smaller motions determine the background only

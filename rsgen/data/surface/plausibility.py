@@ -183,9 +183,9 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     """Return a finding if forces are the levels in another unit, in another order, or not of their responses.
 
     Where at two levels or more the force, or the amplitude that was held, is the level times one factor, one
-    of them was read in another unit or with another gain; where it is another at the fewer levels, these are
-    wrong. A shaker loses force smoothly towards a resonance: where forces of neighbours in frequency differ
-    and those of levels do not, the columns do not belong together."""
+    of them has another unit or gain; where it is another at the fewer levels, these are wrong. Responses of
+    exchanged channels are the levels, too, but forces are smaller. A shaker loses force smoothly: where
+    forces of neighbours differ and those of levels do not, the columns do not belong together."""
     held, unit = surface.response_held, surface.level_unit
     if surface.decays or not (held or unit == "N"):
         return
@@ -194,7 +194,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     force, levels = size if held else np.abs(surface.force[rows]), np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
     names, near = {"by": "amplitude"} if held else {}, np.abs(np.log(size[level > 0] / level[level > 0]))
-    if not held and len(levels) and near.max() < np.log(LEVEL_TOLERANCE):
+    if not held and np.any(typical > levels) and near.max() < np.log(LEVEL_TOLERANCE):
         names, numbers = {"by": "response"}, quantities(unit, level=levels[-1], force=typical[-1])
         yield Finding("levels-disagree", "doubt", "", numbers, names)
         return
