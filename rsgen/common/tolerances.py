@@ -107,7 +107,8 @@ MISFIT_DOUBTFUL_WITHOUT_PATTERN = RELATIVE_ERROR_DOUBTFUL
 
 MISFIT_REJECTED = 0.2
 """A fifth of force and response is not what the law says; truncated waveforms and one harmonic of a law
-that is right leave a few per cent. Noise of the lines of a multisine is doubted from here on."""
+that is right leave a few per cent. Noise of the lines of a multisine is doubted from here on, but where one
+period was recorded."""
 
 FINITE_DIFFERENCE_STEP = 1e-3
 """Relative change by which derivatives of simulated responses are taken; their error is as large."""

@@ -422,10 +422,10 @@ def test_long_records_are_followed_in_long_windows_unless_another_is_short() -> 
         (
             500,
             1.0,
-            "the record has 10 periods of the decay at 10 Hz, and 13 are needed: record it to its end",
+            "the record has 10 periods of the decay at 10 Hz, and 14 are needed: record it to its end",
         ),
         (120, 1.6, "the record has 16 periods of the decay at 10 Hz, and 27 are needed"),
-        (500, 3.0, "the decay at 10 Hz has 5 periods above noise, and 13 are needed"),
+        (500, 3.0, "the decay at 10 Hz has 5 periods above noise, and 14 are needed"),
     ],
 )
 def test_what_makes_a_decay_too_short_is_said(rate: float, duration: float, reason: str) -> None:

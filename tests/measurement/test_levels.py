@@ -216,7 +216,7 @@ LABELLED = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}
     [(1, 2.0), (2, 4.0), (3, 6.0), (6, 6.0)],  # 2 is a label, and the amount of another level
 )
 def test_a_level_is_held_out_by_its_label(tmp_path, asked, held):
-    """Of labels 1, 2, 3 at 2, 4, 6 N the level 2 held out label 1."""
+    """Of labels 1, 2, 3 at 2, 4, 6 N the number 2 is the label, 4 N; it once held out 2 N."""
     rule = LevelRule(name="{level}.csv", unit="label")
     saved = read_measurement(of_files(tmp_path, LABELLED, level=rule))
     save_surface(tmp_path / "surface.h5", saved)

@@ -153,6 +153,20 @@ def test_the_zero_of_a_sensor_decides_no_ranking(constant: bool) -> None:
     assert rank(changed(table, harmonics=harmonics), laws).fits
 
 
+@pytest.mark.thorough
+def test_the_zero_of_a_sensor_makes_no_bilinear_spring_of_a_decay() -> None:
+    """The law with two terms more, whose values held the mean together, was "identified"."""
+    slider = Oscillator(0.8, "k*x + c*v + f*sign(v)", {"k": 4200.0, "c": 1.1, "f": 0.35})
+    plan = rsgen.DecayTest([0.02, 0.03, 0.04], duration=6, rate=1000, noise_relative=3e-4, seed=1)
+    table = rsgen.simulate(slider, plan)
+    harmonics = np.array(table.harmonics)
+    harmonics[:, 0] += 1.5e-4
+    laws = ["k*x + c*v + f*sign(v)", "c*v + k*x + kb*Max(x, 0) + Ff*tanh(v/vs)"]
+    ranking = rank(changed(table, harmonics=harmonics), laws, mass=0.8, terms_in_sum=1)
+    assert ranking.candidates[0].name == laws[0]
+    assert "sensor-offset" in {finding.code for finding in ranking.findings}
+
+
 def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_is_said_once(monkeypatch):
     table = measured("piecewise", 2e-3)
     late = changed(table, harmonics=table.harmonics * np.exp(-0.03j * np.arange(table.harmonics.shape[1])))

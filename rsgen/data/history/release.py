@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from math import log, pi
+from math import ceil, log, pi
 from typing import Any
 
 import numpy as np
@@ -342,7 +342,7 @@ def too_short(
     stops = not goes_on and halved > 1 and 2 < len(size) < halved * -np.log2(rest / largest) / 2
     decay, counted = (
         f"the decay at {line:.4g} Hz",
-        f"and {max(if_stopped, len(size) + 1) if stops else needed:.0f} are needed",
+        f"and {ceil(max(if_stopped, len(size) + 1) if stops else needed)} are needed",
     )
     shown = f"{len(size)} period{'s' * (len(size) > 1)}"
     if 2 * period >= MIN_SAMPLES and np.any(size > 2 * np.minimum.accumulate(size)):

@@ -50,6 +50,7 @@ from rsgen.identification.ranking.ranking_result import (
     Candidate,
     Ranking,
     assess_best,
+    have_same_terms,
     order_candidates,
     values_of_same,
 )
@@ -175,22 +176,12 @@ def rank(
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
     rounds = _all_rounds(test, given, terms, terms_in_sum, progress)
     ranking = _ranking(_best_round(rounds), tuple(laws), base, surface, progress)
-    if (
-        isinstance(surface, MultisineSpectra)
-        or ranking.fits
-        or (centred := without_offset(surface)) is surface
-    ):
+    if isinstance(surface, MultisineSpectra) or (centred := without_offset(surface)) is surface:
         return ranking
-    # no law has such a place of rest, so that the mean may be the sensor's
-    other = rank(
-        centred,
-        candidates,
-        observation,
-        mass=mass,
-        terms_in_sum=terms_in_sum,
-        progress=progress,
-    )
-    return other if other.fits else ranking
+    # the mean may be the sensor's where no law has such a place of rest, or only one with more parameters
+    other = rank(centred, candidates, observation, mass=mass, terms_in_sum=terms_in_sum, progress=progress)
+    fewer = other.candidates[0].parameters + 1 < ranking.candidates[0].parameters
+    return other if other.fits and (fewer or not ranking.fits) else ranking
 
 
 def _best_round(rounds: list[_Compared]) -> _Compared:
@@ -585,6 +576,8 @@ def _merge_equal_laws(
             continue
         others = ((fit, values_of_same(law, fit, rows)) for fit in candidates if fit is not law)
         twins = [(twin, values) for twin, values in others if values is not None]
+        # a term of next to nothing is another one, too: the same law by its form has the name
+        twins.sort(key=lambda twin: not have_same_terms(law, twin[0]))
         better = law
         for twin, values in twins:
             if better.bic() - twin.bic() > STRONG_EVIDENCE:

@@ -420,10 +420,15 @@ def values_of_same(
     found, _, line, _ = descend(linearise, law.ordered(one.candidate.values), none, rules)
     if np.max(np.abs(line.residual)) <= 1:
         return {**law.named(found), "m": other.candidate.values["m"]}
+    return one.candidate.values if have_same_terms(one, other) else None
+
+
+def have_same_terms(one: CandidateFit, other: CandidateFit) -> bool:
+    """Return True if two candidates are one law by their normal forms, whatever the names of parameters."""
     first, second = (
         {sensors: terms_of(force) for sensors, force in fit.candidate.forces.items()} for fit in (one, other)
     )
-    return one.candidate.values if first == second else None
+    return first == second
 
 
 def _overfitting_findings(fitted: float, first: Candidate) -> list[Finding]:

@@ -105,8 +105,8 @@ def mass_lines(estimates: Iterable[Any]) -> list[str]:
         "force to response, as of one of them rms and read as peak"
     )
     common = (
-        "m shows no factor that force and response have in common: are both rms and read as peak, a cubic "
-        "term is twice too large and friction 1.4 times too small, and the reverse; linear values stand"
+        "m does not show a factor that force and response share: if both are rms but read as peak, a cubic "
+        "term is twice too large and friction 1.4 times too small (or the reverse); linear values stay"
     )
     nonlinear = any(one.unit not in _OF_LINEAR_TERMS for one in known)
     return [free if mass.standard_error else given, *[common] * nonlinear]
