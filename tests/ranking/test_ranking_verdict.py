@@ -161,7 +161,7 @@ def test_the_zero_of_a_sensor_makes_no_bilinear_spring_of_a_decay() -> None:
     table = rsgen.simulate(slider, plan)
     harmonics = np.array(table.harmonics)
     harmonics[:, 0] += 1.5e-4
-    laws = ["k*x + c*v + f*sign(v)", "c*v + k*x + kb*Max(x, 0) + Ff*tanh(v/vs)"]
+    laws = ["c*v + k*x + f*sign(v)", "c*v + k*x + kb*Max(x, 0) + Ff*tanh(v/vs)"]
     ranking = rank(changed(table, harmonics=harmonics), laws, mass=0.8, terms_in_sum=1)
     assert ranking.candidates[0].name == laws[0]
     assert "sensor-offset" in {finding.code for finding in ranking.findings}
