@@ -377,7 +377,7 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     recognised = test.sweep.direction == "recognise"
     ordered = recognise_directions(frequency, level, block)
     told = ordered if recognised else test.sweep.direction
-    if told is not ordered and told == "up" and set(ordered) == {"down"}:
+    if test.sweep.direction == "up" and set(ordered) == {"down"}:
         # tables are sorted in ascending order only
         findings.append(Finding("direction-from-branch", "doubt", names={"by": "rows"}))
     sweep = "rest" if followed else told
@@ -538,7 +538,7 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
         A file cannot be read as the plan says; the message names file and line or row.
     """
     table = _read(test)
-    findings = _once(_without_folders(table.findings, test.all_files))
+    findings = _join_files(_without_folders(table.findings, test.all_files))
     # units that were not stated, of all files in one note
     default = dict.fromkeys(text for found in findings if (text := found.names.get("default")))
     stated = [found for found in findings if "default" not in found.names]
@@ -561,7 +561,7 @@ def _without_folders(findings: tuple[Finding, ...], files: tuple[Path, ...]) -> 
     return findings
 
 
-def _once(findings: Iterable[Finding]) -> list[Finding]:
+def _join_files(findings: Iterable[Finding]) -> list[Finding]:
     """Join findings that differ in their file alone."""
     files: dict[Finding, list[str]] = {}
     for found in findings:

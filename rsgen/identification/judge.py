@@ -294,7 +294,8 @@ class Findings:
         of_law, of_test, problem = self._of_law(), self._of_test(), self.fit.problem
         if any((f.code, f.severity) == ("harmonics-across-left-out", "doubt") for f in of_law):
             # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
-            of_test = [f for f in of_test if f.code != "fixed-contradicted" or "column" in f.names]
+            fixed = problem.fixed
+            of_test = [f for f in of_test if f.code != "fixed-contradicted" or f.parameter not in fixed]
         codes = ("fixed-contradicted", "mass-negative")
         wrong = {f.parameter for f in of_test if f.code in codes and f.parameter in problem.fixed}
         for name in wrong:

@@ -433,7 +433,7 @@ _TABLE_ROWS = 21
 
 
 def table_amplitudes(tested: tuple[float, float], held: Sequence[float] | Array = ()) -> Array:
-    """Return the amplitudes held between two [m], without any some of equal ratio; one if they are one."""
+    """Return held amplitudes between two [m]; where none is held, some of equal ratio, of equal ones one."""
     held = np.asarray(held)
     if len(held):
         return held[(held >= tested[0]) & (held <= tested[1])]
@@ -446,11 +446,11 @@ _AMPLITUDE_TOLERANCE = 0.05
 
 def count_amplitudes(amplitude: Array) -> int:
     """Count different amplitudes [m]: few in a test with response control."""
-    parts = (np.log(amplitude[rows]) for rows in _alike(amplitude))
+    parts = (np.log(amplitude[rows]) for rows in _amplitude_groups(amplitude))
     return sum(max(1, round((part[-1] - part[0]) / _AMPLITUDE_TOLERANCE)) for part in parts)
 
 
-def _alike(amplitude: Array) -> list[NDArray[np.intp]]:
+def _amplitude_groups(amplitude: Array) -> list[NDArray[np.intp]]:
     """Return rows of amplitudes [m] in ascending order, parted where these differ."""
     order = np.argsort(amplitude)
     return np.split(order, np.flatnonzero(np.diff(np.log(amplitude[order])) > _AMPLITUDE_TOLERANCE) + 1)
@@ -461,7 +461,7 @@ def held_amplitudes(mode: Points) -> Array:
     held = mode.held(_AMPLITUDE_TOLERANCE)
     if np.isnan(held).any():
         return np.full(len(held), np.nan)
-    for rows in _alike(held):
+    for rows in _amplitude_groups(held):
         held[rows] = np.mean(held[rows])
     return held
 

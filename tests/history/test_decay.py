@@ -501,3 +501,10 @@ def test_levels_of_decays_are_labels() -> None:
     hidden = rsgen.Observation(hold_out=[2])
     (held,) = rsgen.identify(surface, "k*x + k3*x**3 + c*v + q*v*abs(v)", hidden, mass=0.62).held_out
     assert held.level == surface.levels[1]
+
+
+def test_noise_is_no_decay_that_is_too_short():
+    """Of noise the refusal said that it had 1776 periods above noise, and that 27 were needed."""
+    noise = 1e-3 * np.random.default_rng(5).normal(size=6000)
+    with pytest.raises(RsgenError, match="does not fall as a free decay does"):
+        from_free_decay(TimeHistory(1000.0, None, noise), mass=0.8)

@@ -38,11 +38,6 @@ def modal_command(case: OneCase, data: Data = None, json: Json = False) -> int:
         print_line(line)
     for text in said:
         print_line(f"note: {text}")
-    if held := loaded.observation.hold_out:
-        left = ", ".join(f"{level:g}" for level in held)
-        print_line(
-            f"note: a gap where the amplitudes of the held-out {left} lie, which it has without hold_out"
-        )
     for item in modal.held_out:
         level = quantity_text(item.level, item.level_unit)
         scored = len(item.frequency) - item.missing

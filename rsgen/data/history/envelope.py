@@ -234,9 +234,10 @@ def fit_together(
         columns = (turn[:, :, None] * (place / size)[:, None, None] ** np.arange(4)).reshape(size, -1)
         # a mean has no imaginary part
         design = np.concatenate([columns.real, -columns.imag[:, 4:]], axis=1)
-        weighted = design.T * np.cos(np.pi * place / size) ** 4
+        root = np.cos(np.pi * place / size) ** 2
         samples = np.asarray(signal[first : first + size], dtype=np.float64)
-        real, imaginary = np.split(np.linalg.solve(weighted @ design, weighted @ samples), [columns.shape[1]])
+        solved = np.linalg.lstsq(design * root[:, None], samples * root, rcond=None)[0]
+        real, imaginary = np.split(solved, [columns.shape[1]])
         cubic = real + 1j * np.concatenate([np.zeros(4), imaginary])
         out[row] = cubic.reshape(-1, 4)[:, :3] * np.array([1.0, rate / size, 2 * (rate / size) ** 2])
     return out

@@ -223,7 +223,7 @@ def _begins_early(
 ) -> list[Finding]:
     """Return findings about records of which less is left out, as given, than shows a transient."""
     findings = []
-    for record, response in zip(records, responses, strict=False):
+    for record, response in zip(records, responses, strict=True):
         with suppress(MeasurementError):
             left = _transient(record, response, None)
             settled = response[left:].mean(axis=0)

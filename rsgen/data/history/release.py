@@ -356,6 +356,8 @@ def too_short(
             least = float(slope * least + step)
         least *= largest * 1e3 / (2 * pi * line) ** DERIVATIVE[history.quantity]
         cause = f"friction stops {decay} after {shown}, {counted}: release it from {least:.2g} mm or more"
+    elif len(size) > needed and 2 * np.median(size[len(size) // 2 :]) > np.median(size[: len(size) // 2]):
+        cause = f"the response near {line:.4g} Hz does not fall as a free decay does, or noise hides it"
     else:
         cause = f"{decay} has {shown} above noise, {counted}, 20 times above it: release it further out"
     return MeasurementError(f"{history.label}: {cause}")

@@ -193,8 +193,8 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     level, size = surface.level[rows], surface.amplitude[rows]
     force, levels = size if held else np.abs(surface.force[rows]), np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
-    names, near = {"by": "amplitude"} if held else {}, np.abs(np.log(size[level > 0] / level[level > 0]))
-    if not held and np.any(typical > levels) and near.max() < np.log(LEVEL_TOLERANCE):
+    names, off = {"by": "amplitude"} if held else {}, np.abs(np.log(size[level > 0] / level[level > 0]))
+    if not held and np.any(typical > levels) and off.max() < np.log(LEVEL_TOLERANCE):
         names, numbers = {"by": "response"}, quantities(unit, level=levels[-1], force=typical[-1])
         yield Finding("levels-disagree", "doubt", "", numbers, names)
         return

@@ -140,11 +140,11 @@ def predict(
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     # free decays and resonances alone have no band: the law has flanks
     fitted_law = table is None and tested[1] < inf and not found.model.sensors
-    free = _free_band(found, balance, chosen) if fitted_law and band is None else None
-    window = free or window
+    flanks = _resonance_band(found, balance, chosen) if fitted_law and band is None else None
+    window = flanks or window
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     # the edges of the curves of a test are no extrapolation
-    known = (0.0, inf) if free or tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
+    known = (0.0, inf) if flanks or tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
     curves = tuple(_curve(found, balance, level, omega, tested, known) for level in balance.drawn(chosen))
     held_out, fitted = tuple[HeldOutLevel, ...](), tuple[HeldOutLevel, ...]()
     if surface is not None:
@@ -164,7 +164,7 @@ def predict(
     return Prediction(curves, held_out, (*findings, *records.findings), records.records, asked, fitted)
 
 
-def _free_band(
+def _resonance_band(
     found: Identification, balance: AmplitudeBalance, levels: list[float]
 ) -> tuple[float, float] | None:
     """Return the resonances under the levels and their flanks [Hz], where a half width was not tested."""

@@ -105,8 +105,8 @@ def mass_lines(estimates: Iterable[Any]) -> list[str]:
         "force to response, as of one of them rms and read as peak"
     )
     common = (
-        "m does not show a factor that force and response share: if both are rms but read as peak, a cubic "
-        "term is twice too large and friction 1.4 times too small (or the reverse); linear values stay"
+        "m does not show a factor that force and response share: where both are rms but read as peak, a "
+        "cubic term is twice too large, friction 1.4 times too small (or the reverse), and linear values stay"
     )
     nonlinear = any(one.unit not in _OF_LINEAR_TERMS for one in known)
     return [free if mass.standard_error else given, *[common] * nonlinear]

@@ -61,7 +61,7 @@ def _draw_curve(
         label = None
 
 
-def _draw_points(axes: Axes, item: HeldOutLevel, factor: float, colour: object, label: str | None) -> None:
+def _draw_predicted(axes: Axes, item: HeldOutLevel, factor: float, colour: object, label: str | None) -> None:
     """Join what is predicted at the measured force of each point."""
     axes.plot(item.frequency, np.abs(item.predicted) / factor, "-", color=colour, lw=1.1, label=label)
 
@@ -108,7 +108,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         curve = predicted.get(level)
         for item in changing.get(level, ()):
             name = quantity_text(level, item.level_unit, 3) if item is changing[level][0] else None
-            _draw_points(axes, item, scale.factor, colour, name)
+            _draw_predicted(axes, item, scale.factor, colour, name)
         if curve is not None and level not in changing:
             _draw_curve(axes, curve, scale.factor, colour, quantity_text(curve.level, curve.level_unit, 3))
             curves.append(curve)
@@ -308,7 +308,7 @@ def _draw_level(axes: Axes, items: Sequence[HeldOutLevel], prediction: Predictio
     for item in items:
         if not held:
             name = "predicted at the measured forces" if item is items[0] else None
-            _draw_points(axes, item, scale.factor, "#D55E00", name)
+            _draw_predicted(axes, item, scale.factor, "#D55E00", name)
         axes.plot(
             item.frequency,
             np.abs(item.measured) / scale.factor,
