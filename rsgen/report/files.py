@@ -127,11 +127,7 @@ def write_report(
     elif comparison is None:
         comparison = compare(identification)
     started = time.perf_counter()
-    place = Path(folder)
-    try:
-        place.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise RsgenError(f"{place}: cannot be made: {fault.strerror or fault}") from fault
+    place = _made(Path(folder))
     if case is not None:
         subject = Subject.of_case(case, identification)
     else:
@@ -167,6 +163,15 @@ def write_report(
             loops="loops" in shown,
         )
     return place / "report.html"
+
+
+def _made(folder: Path) -> Path:
+    """Return a folder, made if missing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise RsgenError(f"{folder}: cannot be made: {fault.strerror or fault}") from fault
+    return folder
 
 
 def check_printed(subject: Subject, identification: Identification) -> tuple[PrintedComparison, ...]:

@@ -119,13 +119,7 @@ def from_multisine(
         or the response does not settle to a periodic one.
     """
     records = as_histories(histories, "multisine")
-    first = records[0]
-    for record in records:
-        if record.quantity != first.quantity:
-            raise MeasurementError(
-                f"{record.label}: {record.quantity}; {first.label} has {first.quantity}; records of one test "
-                "need the same"
-            )
+    _require_one_quantity(records)
     lengths = _period_lengths(records, period)
     cut = [_periods(*pair) for pair in zip((*records, *across), lengths * 2, strict=False)]
     found = [_transient(one, x, transient) for one, (_, x) in zip((*records, *across), cut, strict=True)]
@@ -149,17 +143,15 @@ def from_multisine(
     copies = _copies(records, force.mean(axis=1), response.mean(axis=1), rate)
     typical = rms(force.mean(axis=1))
     levels = name_levels([(record.level, float(one)) for record, one in zip(records, typical, strict=True)])
-    known = "found" if period is None else "given"
     findings = [f for record in records for f in record.findings]
     findings += [*copies, *_level_findings(records, typical, levels, BASE_UNITS[base])]
     if transient is None:
         findings += _unsettled(records, lengths)
     else:
         findings += _begins_early(records, [response for _, response in cut], transient)
+    known = "found" if period is None else "given"
     for length, omega in sorted({*zip(lengths, omega0[:1] if equal else omega0, strict=False)}):
-        step = Quantity(float(omega) / 2 / np.pi, "Hz")
-        numbers = quantities(samples=length, periods=settled, left_out=int(left.max()), step=step)
-        findings.append(Finding("multisine-periods", "info", numbers=numbers, names={"period": known}))
+        findings.append(_periods_used(length, settled, int(left.max()), float(omega), known))
     return MultisineSpectra(
         level=levels,
         omega0=float(omega0[0]) if equal else omega0,
@@ -172,6 +164,24 @@ def from_multisine(
         base=base,
         across=others[0] if others else None,
     )
+
+
+def _require_one_quantity(records: Sequence[TimeHistory]) -> None:
+    """Raise MeasurementError unless the responses of all records are of one quantity."""
+    first = records[0]
+    for record in records:
+        if record.quantity != first.quantity:
+            raise MeasurementError(
+                f"{record.label}: {record.quantity}; {first.label} has {first.quantity}; records of one test "
+                "need the same"
+            )
+
+
+def _periods_used(samples: int, periods: int, left_out: int, omega0: float, known: str) -> Finding:
+    """Return how long a period is, how many are used and left out, and the step of their lines."""
+    step = Quantity(omega0 / 2 / np.pi, "Hz")
+    numbers = quantities(samples=samples, periods=periods, left_out=left_out, step=step)
+    return Finding("multisine-periods", "info", numbers=numbers, names={"period": known})
 
 
 def _stack(spectra: Sequence[ComplexArray], settled: int, lines: int) -> ComplexArray:

@@ -127,13 +127,9 @@ def draw_collapse(
 
     grid = equivalent.amplitudes_tested(identification)
     model, *halves = equivalent.refined_band(identification, grid)
-    reached = [point for point in identification.resonances if point.reached]
-    read = sorted(reached, key=lambda point: point.amplitude)
-    names = ("amplitude", "frequency", "stiffness", "damping")
-    amplitude, frequency, *values = (np.array([getattr(one, name) for one in read]) for name in names)
     omega = 2 * np.pi * curve.frequency
     clouds = places(curve.amplitude, omega, curve.stiffness, curve.damping)
-    levels = places(amplitude, 2 * np.pi * frequency, *values)
+    levels = places(*_at_resonances(identification))
     lines, bands = (places(grid, model.omega, *of) for of in ((model.stiffness, model.damping), halves))
     true = None if truth is None else equivalent.smooth_backbone(identification, grid, truth)
     truths = None if true is None else places(grid, true.omega, true.stiffness, true.damping)
@@ -151,13 +147,7 @@ def draw_collapse(
         at, heights = levels[i]
         axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
         _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, model.harmonics is None)
-        # points that no law explains, as next to a jump, leave the picture
-        ends = (
-            np.quantile(cloud[np.isfinite(cloud)], _QUANTILES_IN_PICTURE)
-            if np.isfinite(cloud).any()
-            else cloud
-        )
-        drawn = [ends / y.factor, heights / y.factor, line / y.factor]
+        drawn = [_most_of(cloud) / y.factor, heights / y.factor, line / y.factor]
         if truths is not None:
             course, line = truths[i]
             axes.plot(course / wide, line / y.factor, label="derived, true values", **drawing.TRUTH)
@@ -171,18 +161,39 @@ def draw_collapse(
     for axes in panels[1:]:
         axes.set_xlabel(scales[1].label("Velocity amplitude ωX" if speed else "Amplitude X"))
     drawing.colour_bar(panels[0], norm, force.label(_LEVELS.get(curve.level_unit, "Level")))
-    where = " far from the resonance" * (model.harmonics is not None)
+    caption = _collapse_caption(identification, harmonics=model.harmonics is not None)
+    return drawing.Drawing("collapse", figure, caption, ax is None)
+
+
+def _at_resonances(identification: Identification) -> tuple[Array, Array, Array, Array]:
+    """Return amplitude, omega, stiffness and damping of the levels that reach resonance, by amplitude."""
+    reached = [point for point in identification.resonances if point.reached]
+    read = sorted(reached, key=lambda point: point.amplitude)
+    names = ("amplitude", "frequency", "stiffness", "damping")
+    amplitude, frequency, stiffness, damping = (np.array([getattr(p, name) for p in read]) for name in names)
+    return amplitude, 2 * np.pi * frequency, stiffness, damping
+
+
+def _most_of(cloud: Array) -> Array:
+    """Return the range of the points that are shown: not those next to a jump that no law explains."""
+    finite = cloud[np.isfinite(cloud)]
+    return np.quantile(finite, _QUANTILES_IN_PICTURE) if finite.size else cloud
+
+
+def _collapse_caption(identification: Identification, *, harmonics: bool) -> str:
+    """Return the caption of the collapse, whose line has the harmonics of the motion or not."""
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
-        f"higher harmonics add{where}."
-        f"{' The band is of first order.' if model.harmonics is not None else ''}"
+        f"higher harmonics add{' far from the resonance' if harmonics else ''}."
+        f"{' The band is of first order.' if harmonics else ''}"
     )
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
-    if model.harmonics is None and not (joint or compile_law(law).odd):
+    law = identification.model.force
+    if not (harmonics or remembers(law) or compile_law(law).odd):
         caption += " The law is not the same on both sides: its second harmonic, which the line has not, "
         caption += "moves the points to one side of it."
-    return drawing.Drawing("collapse", figure, caption, ax is None)
+    return caption
 
 
 def _draw_points(axes: Axes, place: Array, height: Array, level: Array, norm: Normalize) -> None:

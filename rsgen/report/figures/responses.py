@@ -91,20 +91,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     curves, untested = list[ResonanceCurve](), list[ResonanceCurve]()
     changing = _group(tuple(o for o in (*prediction.fitted, *prediction.held_out) if o.changes))
     for level, colour in zip(levels, colours, strict=True):
-        for sweep, marker in _MARKERS.items():
-            frequency, amplitude = _tested(shown, level, sweep)
-            if len(frequency):
-                axes.plot(
-                    frequency,
-                    amplitude / scale.factor,
-                    marker,
-                    color=colour,
-                    ms=3.2,
-                    mew=0,
-                    alpha=0.75,
-                    zorder=1.5,
-                    rasterized=len(shown) > 400,
-                )
+        _draw_measured(axes, shown, level, scale.factor, colour)
         curve = predicted.get(level)
         for item in changing.get(level, ()):
             name = quantity_text(level, item.level_unit, 3) if item is changing[level][0] else None
@@ -132,6 +119,21 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         caption += " Where the force of a level changes, a line joins what the model predicts for each point."
     caption += " Shaded: beyond the tested frequencies or amplitudes, by the law alone." if beyond else ""
     return Drawing("responses", figure, caption, ax is None)
+
+
+def _draw_measured(axes: Axes, shown: ResponseSurface, level: float, factor: float, colour: object) -> None:
+    """Draw the measured points of a level, by the direction of their sweep."""
+    style: dict[str, Any] = {
+        "ms": 3.2,
+        "mew": 0,
+        "alpha": 0.75,
+        "zorder": 1.5,
+        "rasterized": len(shown) > 400,
+    }
+    for sweep, marker in _MARKERS.items():
+        frequency, amplitude = _tested(shown, level, sweep)
+        if len(frequency):
+            axes.plot(frequency, amplitude / factor, marker, color=colour, **style)
 
 
 def _responses_caption(
