@@ -91,7 +91,7 @@ ASSUMED_DAMPING_RATIO = 0.01
 RELATIVE_CHANGE_NEGLIGIBLE = 0.01
 """A value that moves by less than a hundredth is the same engineering number."""
 
-MISFIT_DOUBTFUL = 0.05
+MISFIT_DOUBTFUL_PATTERN_UNSEEN = 0.05
 """Doubtful misfit where its pattern cannot be seen (few points, a held phase, lines of a multisine): a
 twentieth is more than most noise, joints and sensors leave of a law that is right. From it on no offset is
 taken off a multisine (``identify_multisine``). With a pattern the limit

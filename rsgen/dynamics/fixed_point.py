@@ -107,7 +107,7 @@ Indices = NDArray[np.intp]
 _OUTER_REVERSALS = 2.0
 """Reversals of a motion in a period, at the top and at the bottom of its loop."""
 
-_SCALE_AFTER_REVERSAL = 0.75
+_IW_LIMIT = 0.75
 """The row ``IW`` is the factor of the distance from the last reversal in the argument of a virgin curve: 1 on
 the virgin curve itself, 1/2 after a reversal (Masing). This is between both."""
 
@@ -194,7 +194,7 @@ class LoopMemory:
         curves = self.layout.curves
         base = self.rows[self._offset, points]
         kind, depth = self._row("KIND", points), self._row("DEPTH", points).astype(np.intp)
-        reversed_ = self._row("IW", points) < _SCALE_AFTER_REVERSAL
+        reversed_ = self._row("IW", points) < _IW_LIMIT
         within = np.flatnonzero((kind == EVERYTHING) & reversed_ & (depth > 0))
         if not len(within):
             return base
@@ -393,7 +393,7 @@ class PeriodMap:
 ORBIT_OFFSET = 1e-5
 """Relative distance of neighbouring orbits: truncation and rounding of a slope are both small there."""
 
-_MAX_NEWTON_STEPS = 6
+_MAX_SHOOTING_STEPS = 6
 """A start that needs more steps is not near a fixed point."""
 
 
@@ -502,7 +502,7 @@ def find_fixed_points(
     # more states make a Jacobian dear
     spared = spared or len(y) > 2
     slope = jacobian
-    for turn in range(_MAX_NEWTON_STEPS):
+    for turn in range(_MAX_SHOOTING_STEPS):
         size = np.maximum(norm(here), least)
         if spared and turn % 2:
             image = period_map.carry(points, here, steps, 1).state

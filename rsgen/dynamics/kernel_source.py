@@ -19,7 +19,9 @@ into it refers to variables of the template:
     p0, p1, ...     parameters, in ``parameter_order``
     g0, g1, ...     1 where the function of a located switch is positive, else 0
     z0, z1, ...     states with equations; zn0: at the end of the step; b0: their rates
+    m0, zm0, s0     force of a law of Masing type; the same within the step; a part that expressions share
     q, past         distance from the last reversal, on a virgin curve; up to where its corners are behind
+    lane            a test point: tables have a row a number, and a column a point
     xr, nr0, sw, iw, lim, corner
                     last reversal, force there, w times the direction of the motion, 1/w (w = 1 on the virgin
                     curve, else 2), where the loop closes, the next corner: force = nr0 + sw n(|x - xr| iw)

@@ -3,13 +3,14 @@
     y_(n+1) = P(y_n),    y* = P(y*),    y_(n+1) - y* = J (y_n - y*)  close to y*
 
 Newton's method alone may find any fixed point, stable or not; a transient alone takes as many periods as the
-damping is small. Both together (``settle``), in rounds that are twice as long each time:
+damping is small. Both together (``settle``), in rounds that are about twice as long each time:
 
 1. The transient is carried over the periods of the round. What overflows, with shorter steps too, diverges.
 2. Newton's method looks for the fixed point y* near its end. The motion has settled if y* attracts
-   (``fixed_point``), if the last two periods obeyed the linear map J to 5 %, and if states all around y*, as
-   far away, obey it to 10 %: the motion spirals through them, and a stop or a gap in another direction could
-   still lead elsewhere. Under friction whose sliders all stick, y* is first sought with the sliders held.
+   (``fixed_point``), if the last two periods obeyed the linear map J to 5 % (under a Masing law without an
+   inner loop in the last), and if states at three more places of the circle about y* obey it to 10 %: the
+   motion spirals through them, and a stop or a gap in another direction could still lead elsewhere. Under
+   friction whose sliders all stick, y* is first sought with the sliders held.
 3. A motion that repeats to 1e-9 has settled, whatever J is.
 4. What repeats after two periods, and not after one, has period two. All others are carried on.
 
@@ -373,7 +374,7 @@ def _is_linear_around(
     away: Array,
     steps: NDArray[np.int64],
 ) -> NDArray[np.bool_]:
-    """Find where the map is linear on the whole circle around a fixed point that the motion will spiral on.
+    """Find where the map is linear opposite the motion and a quarter turn to both sides of it, around y*.
 
     The last periods only show one direction; in another one a stop or a gap may still be met.
     """

@@ -66,13 +66,13 @@ from rsgen.law.element import LawLike
 # ----------------------------------------------------------------------------
 # All harmonics: by the balance, then by the simulator where only that has all of them.
 
-_HIGHEST_HARMONICS = (BALANCE_HARMONICS, 15, 23)
-"""Highest harmonic of the balance of smooth laws, raised until the last one no longer matters (``_balance``).
-"""
+_ORDERS_TRIED = (BALANCE_HARMONICS, 15, 23)
+"""Highest harmonics of the balance: of smooth laws raised until the last no longer matters (``_balance``),
+of laws with memory or a free mean one more step each."""
 
 _HARMONICS_OF_CORNERS = BALANCE_HARMONICS
 """The same where a law has switches or a motion is far from a sine: the simulator adds what is missing. It is
-below the last of ``_HIGHEST_HARMONICS``, of which the next one above it shows whether laws with memory need
+below the last of ``_ORDERS_TRIED``, of which the next one above it shows whether laws with memory need
 more (``_balance``)."""
 
 _FEW_HARMONICS = 5
@@ -153,7 +153,7 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     balance = partial(fit_balance, few, compared=BALANCE_HARMONICS, correct=few is problem)
     needs_simulator = law.rough or points.strong
     corners = needs_simulator or law.switched
-    smooth = _HIGHEST_HARMONICS if law.remembers else (_FEW_HARMONICS, *_HIGHEST_HARMONICS)
+    smooth = _ORDERS_TRIED if law.remembers else (_FEW_HARMONICS, *_ORDERS_TRIED)
     for order in (_HARMONICS_OF_CORNERS,) if corners else smooth:
         refined = balance(parameters, order=order)
         parameters = refined.regression.parameters
@@ -161,7 +161,7 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
             break
     if law.remembers and needs_simulator and refined.regression.sigma > _ACCURACIES[0]:
         # a memory takes the simulator hundreds of cycles to settle: more harmonics first
-        higher = min(more for more in _HIGHEST_HARMONICS if more > order)
+        higher = min(more for more in _ORDERS_TRIED if more > order)
         more = balance(parameters, order=higher)
         share = len(few.observed.points) / len(points)
         needs_simulator = not _alike(refined.regression, more.regression, share)
@@ -244,7 +244,7 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
 def _add_harmonics(followed: Fit) -> Fit:
     """Try more harmonics where the simulator is not asked, or did not follow every branch of exact data."""
     balanced = followed
-    for order in _HIGHEST_HARMONICS[1:]:
+    for order in _ORDERS_TRIED[1:]:
         balanced = fit_balance(followed.problem, balanced.regression.parameters, order=order)
     return min(followed, balanced, key=lambda found: found.regression.sigma)
 

@@ -22,7 +22,7 @@ from rsgen.common.tolerances import (
     MIN_LEVELS_FOR_JACKKNIFE,
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
-    MISFIT_DOUBTFUL,
+    MISFIT_DOUBTFUL_PATTERN_UNSEEN,
     MISFIT_DOUBTFUL_WITH_PATTERN,
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_EXPLAINED,
@@ -165,7 +165,7 @@ def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[
     misfit = fit.regression.rms_misfit
     # the forces of a free decay are those of the given mass
     found = [] if surface.decays else _contradicted(surface, fit, misfit)
-    if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL):
+    if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL_PATTERN_UNSEEN):
         severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
         found.append(Finding("misfit-large", severity, numbers=quantities(misfit=misfit)))
     return found

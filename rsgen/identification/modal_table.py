@@ -1,11 +1,11 @@
 """Identification of a modal table: a mode fitted without a law.
 
-Every point of any test, at any phase, obeys F/X = k(X) - m omega^2 + i omega c(X) to first order. The
-coefficients of splines for k and c, the mass, amplitude and phase of each point, phase error and background
-are fitted by errors-in-variables least squares, as for a law (``fitting``). The shape of the splines is
-chosen by the corrected Akaike criterion (Hurvich and Tsai, Biometrika 76, 1989); with a background, whose
-error flexible splines would absorb, by BIC. The table covers amplitudes that occur near resonance: elsewhere
-half a degree of phase error is more than the damping.
+Every point of any test, at any phase, obeys F/X = k(X) - m omega^2 + i sum_j omega^j c_j(X) to first order.
+The coefficients of splines for k and c, the mass, amplitude and phase of each point, phase error and
+background are fitted by errors-in-variables least squares, as for a law (``fitting``). The shape of the
+splines is chosen by the corrected Akaike criterion (Hurvich and Tsai, Biometrika 76, 1989); with a
+background, whose error flexible splines would absorb, by BIC. Likely other shapes widen the intervals. The
+table covers amplitudes near resonance: elsewhere half a degree of phase error is more than the damping.
 
 The mass follows from points of one amplitude at several frequencies. If all points lie at phase resonance,
 k - m omega^2 is zero for every m. Then only k/m = omega^2 and c are identifiable; a lag phi that is not

@@ -1,13 +1,15 @@
 """Profile likelihood: an interval from fits with one value fixed, where a standard error says too little.
 
 The deviance D(b) is what the sum of squares grows by when b is fixed and every other parameter is fitted
-again, in units of the noise. The interval holds the values with sqrt(D) below the quantile of Student's t
-(Venzon and Moolgavkar, Applied Statistics 37, 1988). With a quadratic sum of squares it is the value and its
-standard error, which is Wald's; near a breakpoint that is barely passed, a saturation or an exponent
-the sum of squares has a corner or a plateau, and the interval is lopsided or open to one side.
+again, in units of the noise. The interval holds the values with sqrt(D) below a target: the quantile of
+Student's t (Venzon and Moolgavkar, Applied Statistics 37, 1988) times the ratio of the stated standard error
+to that of independent errors of one size. Asked are nonlinear parameters and those correlated with one, if
+the misfit is noise without a pattern. With a quadratic sum of squares it is the value and its standard
+error, which is Wald's; near a breakpoint that is barely passed, a saturation or an exponent the sum of
+squares has a corner or a plateau, and the interval is lopsided or open to one side.
 
-1. sqrt(D) at both ends of Wald's interval: where it is the quantile to 15 %, that interval stands.
-2. Else each side is sought: distances are doubled until sqrt(D) exceeds the quantile, then interpolated.
+1. sqrt(D) at both ends of Wald's interval: where it is the target to 15 %, that interval stands.
+2. Else each side is sought: distances are doubled until sqrt(D) exceeds the target, then interpolated.
 3. Each fit starts from the nearest one before; where sqrt(D) jumps, also from the line through two of them.
 4. Where it still jumps, the balance lost the measured motion: that side is open (``followed``). Where it
    jumps on both sides, the profile says nothing of the value, and Wald's interval stands.
@@ -15,7 +17,8 @@ the sum of squares has a corner or a plateau, and the interval is lopsided or op
    for it another one at each small vs, so that it finds an end which the test does not tell; tanh(a*v) is at
    each large a. Such a side ends only where the law, sampled finely along the measured motions, differs by
    more than the noise from that with a quarter of the value, or four times it, linear parameters fitted
-   again; else the value is bounded. So it is where zero itself, the sharp law, is within the target.
+   again; else the value is bounded. A side whose sqrt(D) is below the target even at zero, the sharp law, is
+   bounded, too.
 """
 
 from __future__ import annotations

@@ -438,10 +438,10 @@ def _tracked(
     """
     # less than twice the unknowns of a short window
     coarse = SHORT_WINDOW_PERIODS * history.rate / first < 2 * 4 * (2 * HARMONICS + 1)
-    window = WINDOW_PERIODS if coarse else SHORT_WINDOW_PERIODS
-    needed = window * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
+    shortest = WINDOW_PERIODS if coarse else SHORT_WINDOW_PERIODS
+    needed = shortest * (1 + (_NEIGHBOURS - 1) / NOISE_WIDTH)
     # where friction stops, short windows end as far from the stop as long ones
-    stop = needed + WINDOW_PERIODS * _REACH_OF_WINDOW - window / 2
+    stop = needed + WINDOW_PERIODS * _REACH_OF_WINDOW - shortest / 2
     refusal = partial(too_short, samples, history, first, needed, max(needed, stop))
     time, frequency = _follow(samples, history.rate, first)
     # of the longest window, with its rounding

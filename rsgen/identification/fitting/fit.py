@@ -15,7 +15,8 @@ Gauss-Newton steps eliminate each n_j before they solve for p: a test has many p
    the first step. One step is enough from a fit that is ``near``, but only where its misfit is noise and the
    law has neither jump nor corner, since step 4 follows; else all steps are taken.
 2. Across two sensors, where the misfit has a pattern: again, with sensors whose errors are correlated.
-3. A law with switches, at first order or in nearly exact data: again, with more samples a period.
+3. A law with switches, at first order (one step) or in nearly exact data, unless a single step was asked
+   for: again, with more samples a period.
 4. A misfit above that of exact data (``MISFIT_OF_NOISE``) and a law without jump or corner: again, beginning
    with the same points, by logarithms of the ratios, whose errors have one size at all amplitudes, and the
    bias of second order in the noise is subtracted. Other laws keep the plain differences.
@@ -310,13 +311,16 @@ def fit_balance(
         Harmonics carried in the balance; 1 is first order.
     compared
         Order up to which measured harmonics are compared. Those above ``order`` are predicted to be zero.
+        0: up to ``order``.
     exclude, steps
         True if outliers are excluded; most Gauss-Newton steps.
     correct
-        Whether the bias of the square of the noise is removed: not from a misfit that is no noise.
+        Whether the bias of the square of the noise is removed: not from a misfit that is no noise. False for
+        starts, and fits of some points, whose values are not stated.
     near
-        Misfit of the fit to some of these points that gave the parameters; of others zero. Where it is noise,
-        and the law not rough, one step by plain differences leads near enough to compare by logarithms.
+        Misfit of the fit to some of these points that gave the parameters; 0 where they come from elsewhere.
+        Where it is noise, and the law not rough, one step by plain differences leads near enough to compare
+        by logarithms.
     """
     observed, law = problem.observed, problem.law
     mode = observed.mode(problem.split(parameters)[2])

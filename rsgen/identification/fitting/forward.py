@@ -348,7 +348,11 @@ class Parametrised(Protocol):
 
 
 class ErrorsInVariables:
-    """Residuals and curvature of a problem under a forward model."""
+    """Residuals and curvature of a problem under a forward model.
+
+    ``scale`` is None where plain differences are compared, and an array (``Comparison.scale``) where
+    logarithms are: fits set it once they are near the solution.
+    """
 
     def __init__(self, problem: Parametrised, forward: Forward) -> None:
         self.problem, self.forward = problem, forward

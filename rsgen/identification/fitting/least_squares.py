@@ -1,7 +1,7 @@
 """Nonlinear least squares with errors in variables: force and response both have noise.
 
-Minimised is the sum over points of |r_i(p, e_i)|^2 with parameters p common to all points and one or two
-nuisances e_i of each point (its true amplitude, its phase):
+Minimised is the sum over points of |r_i(p, e_i)|^2 with parameters p common to all points and up to four
+nuisances e_i of each point (its true amplitude, its phase, and those of a second sensor; of lines none):
 
     dr_i = -J_i dp - K_i de_i.
 

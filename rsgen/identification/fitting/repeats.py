@@ -2,9 +2,11 @@
 
 With r_i the relative deviation of reading i from the mean of its point and I_i the influence of a unit
 deviation on the parameters, the covariance by scatter is the sum of (I_i r_i)(I_i r_i)^T over readings, with
-the factor n/(n - 1) of each point. The misfit of a law contains the errors of the law and errors common to
-the readings of a point; the scatter contains drift between readings. Standard errors are those of the larger
-one.
+the factor n/(n - 1) of each point. From six readings of a point on, means of sqrt(n) successive ones take
+their place, because successive readings share a drift. Few readings more than points, or responses that
+follow the force of each reading, are no repeats. The misfit of a law contains the errors of the law and
+errors common to the readings of a point; the scatter contains drift between readings. Standard errors are
+those of the larger one.
 """
 
 from __future__ import annotations
@@ -157,7 +159,8 @@ def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[Respons
     surface
         One row a point; joined rows have no peaks.
     repeats
-        None if there are too few repeats to estimate the noise.
+        None if there are too few repeats to estimate the noise, if they do not scatter, or if the responses
+        follow the force; of a continuation, too.
     """
     if not len(surface) or surface.control == "continuation":
         # points of a continuation at one frequency are no repeats

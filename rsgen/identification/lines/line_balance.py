@@ -241,7 +241,7 @@ class Balance:
     Parameters
     ----------
     residual
-        (r, H+1) F - m (i h omega0)^2 X - N [N].
+        (r, H+1) F - m (i h omega0)^2 X - (N - bias) [N], the bias of ``BalanceNoise``.
     slopes
         (r, q, H+1) minus its derivatives by the values of the law, the mass, and the background.
     mean

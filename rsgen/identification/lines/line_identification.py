@@ -25,7 +25,7 @@ from rsgen.common.tolerances import (
     HELD_OUT_ERROR_SMALL,
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
-    MISFIT_DOUBTFUL,
+    MISFIT_DOUBTFUL_PATTERN_UNSEEN,
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
@@ -111,7 +111,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
             # of a law that does not fit, the mean is none of the sensor's
             if (
                 other.misfit > (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit
-                or other.misfit >= MISFIT_DOUBTFUL
+                or other.misfit >= MISFIT_DOUBTFUL_PATTERN_UNSEEN
             ):
                 break
             if mean_may_be_offset(spectra):
@@ -409,7 +409,7 @@ def _damping_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     of the lines, so that a missing damping term leaves a small misfit and changes the other damping values.
     """
     misfit = fit.misfit
-    if misfit > MISFIT_DOUBTFUL or _is_noise(fit, errors.others):
+    if misfit > MISFIT_DOUBTFUL_PATTERN_UNSEEN or _is_noise(fit, errors.others):
         return []
     share = relative_to_force(fit.lines, Balance.damping(fit.mode, fit.law, fit.values, fit.mass))
     systematic = float(np.sqrt(max(misfit**2 - np.nan_to_num(errors.noise) ** 2, 0.0)))
@@ -446,7 +446,7 @@ def _misfit_findings(fit: LineFit, errors: Errors) -> list[Finding]:
         limits = (MISFIT_DOUBTFUL_WITHOUT_PATTERN, MISFIT_REJECTED) if one_period else (MISFIT_REJECTED, inf)
         large = Finding("misfit-large", severity_of(misfit, *limits), numbers=quantities(misfit=misfit))
         return [*found, large] if misfit > MISFIT_DOUBTFUL_WITHOUT_PATTERN else found
-    severity = severity_of(misfit, MISFIT_DOUBTFUL, MISFIT_REJECTED)
+    severity = severity_of(misfit, MISFIT_DOUBTFUL_PATTERN_UNSEEN, MISFIT_REJECTED)
     size = quantities(misfit=misfit, **({} if one_period else {"times": ratio}))
     parts = quantities(wider=fit.errors[1], groups=int(band_parts(fit.lines).max()) + 1)
     found += [

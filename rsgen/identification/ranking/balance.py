@@ -349,9 +349,10 @@ class WhitenedBalance(ABC):
 
 
 _QUADRATURE = 2
+"""Row of the imaginary part of the fundamental (mean, Re 1, Im 1, Re 2, ...), which only phases give."""
+
 _EVEN = slice(0, None, 4)
-"""Among the rows mean, Re 1, Im 1, Re 2, Im 2, ...: the imaginary part of the fundamental, which only phases
-give; and every fourth, the mean or the imaginary part of an even harmonic."""
+"""Every fourth of these rows: the mean, or the imaginary part of an even harmonic."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -510,7 +511,8 @@ def _change(jacobian: Array, fundamental: ComplexArray, force: ComplexArray) -> 
 def _covariance(motion: ReferenceMotion, jacobian: Array, joints: Sequence[Array], noise: Array) -> Array:
     """Return the covariance (n, 2H+1, 2H+1) of the balance for relative noise (H+1,) of the harmonics.
 
-    Noise is relative to the amplitude of each point, and to its own share (``Points.noise``).
+    A harmonic has ``noise`` times the ``Points.noise`` of its kind times the amplitude; the force
+    ``noise[1]`` times its ``Points.noise`` times its size.
 
     ``joints`` are tangents of what follows the second sensor, whose noise is its own.
     """

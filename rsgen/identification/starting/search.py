@@ -7,19 +7,21 @@ is linear in (the stiffness and the force of a saturation) is searched by its ra
 or minus one, and the factor is solved for.
 
 A window is the range of a parameter in which the shape of a term changes along the measured motion; outside,
-the term is another law (a gap that is never reached). In this order (``search_nonlinear``):
+the term is another law (a gap that is never reached). Of a law with memory it is ``DECADES`` decades on both
+sides of the natural size. A single parameter is tried all along its window. In this order
+(``search_nonlinear``):
 
 1. From values near the solution (``begin``) only a descent.
 2. Trials over all windows on a few points; linear parameters, factors and mass are solved for in each.
 3. Descents in the logarithms from the best trials that are no neighbours. With more than one parameter also
-   from where ``_SCANS`` scans lead, each along one parameter after the other. A law with memory has more
-   starts, which descend on few points first.
+   from where ``_SCANS`` scans lead, each along one parameter after the other. A law with memory and
+   several free parameters has ``STARTS`` a parameter, which descend on few points first; the best go on.
 4. Of solutions that fit equally one whose linear columns depend on each other more than those of the best (a
    null space with one more dimension, at least), such as a gap that is not reached: it shows what the test
    does not determine. Candidates are the trials of step 2 that fit equally on their few points, and the best
    with one parameter at an end of its window, where its switch hardly acts (``_inactive_switch_trials``).
-   They are asked in the order of their negative signs, fewest first, and then of their largest value; the
-   first that fits is taken (``least_determined``).
+   They are asked in the order of their negative signs, fewest first, and then of their largest
+   absolute value, smallest first; the first that fits is taken (``least_determined``).
 5. Negative signs of it are turned one by one, where that fits equally (``with_signs_turned``).
 6. Values of more than ten times their ``natural`` size, at which a parameter acts along the largest motion,
    become ten times it, where that fits equally (``near_the_motion``).
@@ -90,7 +92,7 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     equations, law, mass
         Data and model; m [kg] is NaN if it is free.
     begin
-        Values near the solution; None searches the whole range.
+        Values near the solution; None, or a value that is zero or not finite, searches all windows.
 
     Returns
     -------

@@ -55,7 +55,7 @@ def draw_modal(
         unit = MODAL_COLUMNS[name]
         scale = choose_scale(value, unit) if unit else Scale(0.01, "%")
         factor = scale.factor
-        axes.fill_between(grid / x.factor, low / factor, high / factor, color="#0072B2", alpha=0.2, lw=0)
+        axes.fill_between(grid / x.factor, low / factor, high / factor, color=drawing.BLUE, alpha=0.2, lw=0)
         axes.plot(
             grid / x.factor,
             value / factor,
@@ -213,7 +213,7 @@ def _draw_points(axes: Axes, place: Array, height: Array, level: Array, norm: No
 def _draw_model(axes: Axes, place: Array, height: Array, half: Array, first_order: bool) -> None:
     """Draw the curve of the refined model with its band."""
     name = "refined model to first order" if first_order else "refined model"
-    axes.fill_between(place, height - half, height + half, color="#D55E00", alpha=0.18, lw=0)
+    axes.fill_between(place, height - half, height + half, color=drawing.ORANGE, alpha=0.18, lw=0)
     look = {**drawing.REFINED, "lw": 1.1}
     axes.plot(place, height, label=f"{name}, {CONFIDENCE_TEXT} band", **look)
 

@@ -33,8 +33,10 @@ from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification
 
 # Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
-POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": "#0072B2", "mew": 1.1, "ms": 4.5}
-REFINED: dict[str, Any] = {"color": "#D55E00", "lw": 1.5, "ls": "-"}
+BLUE = "#0072B2"
+ORANGE = "#D55E00"
+POINT: dict[str, Any] = {"marker": "o", "ls": "none", "mfc": "none", "mec": BLUE, "mew": 1.1, "ms": 4.5}
+REFINED: dict[str, Any] = {"color": ORANGE, "lw": 1.5, "ls": "-"}
 TRUTH: dict[str, Any] = {"color": "#1b1c1e", "lw": 1.2, "ls": (0, (1, 1.6))}
 
 

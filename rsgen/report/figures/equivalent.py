@@ -26,7 +26,7 @@ from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.law.memory import with_equations
 from rsgen.law.motion import Motion, cycle_work, project
 from rsgen.law.numeric import compile_law
-from rsgen.report.figures.drawing import POINTS, REFINED, Drawing, GivenAxes, in_style, take_axes
+from rsgen.report.figures.drawing import BLUE, POINTS, REFINED, Drawing, GivenAxes, in_style, take_axes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -493,7 +493,7 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
 # ----------------------------------------------------------------------------
 # The picture of a law: the force over a cycle, k(X) and c(X).
 
-SHADES = ((0.3, "#8fb8d8"), (0.6, "#4a8ec2"), (1.0, "#0072B2"))
+SHADES = ((0.3, "#8fb8d8"), (0.6, "#4a8ec2"), (1.0, BLUE))
 """Amplitudes of the cycles drawn, in parts of the largest, and their colours."""
 
 

@@ -113,7 +113,7 @@ def _panel(
         narrow = band < _WIDEST_BAND * np.nanmax(np.abs(force), initial=0.0)
         at, drawn, band = at[narrow], drawn[narrow], band[narrow]
         low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
-        axes.fill_between(at / x.factor, low, high, color="#0072B2", alpha=0.18, lw=0)
+        axes.fill_between(at / x.factor, low, high, color=drawing.BLUE, alpha=0.18, lw=0)
         few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))
         axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="nonparametric", **drawing.POINT)
     axes.plot(place / x.factor, force / y.factor, label="refined", **drawing.REFINED)
@@ -138,7 +138,7 @@ _MARKS = 32
 _FEW_DECADES = 300.0
 """Ratio of the ends of an axis up to which three numbers a decade fit on it."""
 
-_MEMORYLESS: dict[str, Any] = {"color": "#0072B2", "lw": 0.9, "ls": (0, (5, 2))}
+_MEMORYLESS: dict[str, Any] = {"color": drawing.BLUE, "lw": 0.9, "ls": (0, (5, 2))}
 
 
 def _peak_rows(surface: ResponseSurface) -> NDArray[np.intp]:

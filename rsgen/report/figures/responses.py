@@ -20,6 +20,8 @@ from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceC
 from rsgen.identification.prediction.prediction_result import choose_levels
 from rsgen.identification.results import MultisineIdentification
 from rsgen.report.figures.drawing import (
+    BLUE,
+    ORANGE,
     Drawing,
     GivenAxes,
     in_style,
@@ -305,19 +307,19 @@ def _draw_level(axes: Axes, items: Sequence[HeldOutLevel], prediction: Predictio
     for curve in (one for one in drawn if abs(one.force - items[0].force) <= near and not changes):
         low = np.where(curve.stable, curve.lower, np.nan) / scale.factor
         high = np.where(curve.stable, curve.upper, np.nan) / scale.factor
-        axes.fill_between(curve.frequency, low, high, color="#D55E00", alpha=0.18, lw=0)
-        _draw_curve(axes, curve, scale.factor, to_rgba("#D55E00", pale), f"predicted{at}")
+        axes.fill_between(curve.frequency, low, high, color=ORANGE, alpha=0.18, lw=0)
+        _draw_curve(axes, curve, scale.factor, to_rgba(ORANGE, pale), f"predicted{at}")
     for item in items:
         if not held:
             name = "predicted at the measured forces" if item is items[0] else None
-            _draw_predicted(axes, item, scale.factor, "#D55E00", name)
+            _draw_predicted(axes, item, scale.factor, ORANGE, name)
         axes.plot(
             item.frequency,
             np.abs(item.measured) / scale.factor,
             _MARKERS[item.sweep],
             ms=2.8,
             mfc="none",
-            mec="#0072B2",
+            mec=BLUE,
             mew=0.8,
             zorder=1.5,
             rasterized=len(item.frequency) > 40,
@@ -409,8 +411,8 @@ def _draw_parts(axes: Axes, found: MultisineIdentification) -> None:
     one = found.approximations[-1]
     parts = {
         "response": (one.response, "#1b1c1e"),
-        "distortion": (one.distortion, "#D55E00"),
-        "noise": (one.noise, "#0072B2"),
+        "distortion": (one.distortion, ORANGE),
+        "noise": (one.noise, BLUE),
     }
     what = f"Lines at {quantity_text(one.level, one.level_unit, 3)}"
     scale = _draw_lines(axes, one.frequency, parts, "m", what)
@@ -445,8 +447,8 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
         frequency = spectra.omega[rows[place]][used] / (2 * np.pi)
         parts = {
             "force": (np.abs(spectra.mean_force[rows[place]][used]), "#1b1c1e"),
-            "misfit": (np.abs(found.misfit[place][used]), "#D55E00"),
-            "noise of the balance": (found.deviation[place][used], "#0072B2"),
+            "misfit": (np.abs(found.misfit[place][used]), ORANGE),
+            "noise of the balance": (found.deviation[place][used], BLUE),
         }
         _draw_lines(axes, frequency, parts, spectra.units.force, f"Level {named}")
         _limit_lines(axes)
@@ -482,7 +484,7 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
     parts = {
         "measured": (np.abs(measured), "#1b1c1e"),
         "predicted": (np.abs(predicted), "#009E73"),
-        "difference": (np.abs(predicted - measured), "#D55E00"),
+        "difference": (np.abs(predicted - measured), ORANGE),
     }
     _draw_lines(axes, one.frequency[judged], parts, "m", "Displacement")
     axes.set_xlabel("Frequency [Hz]")
