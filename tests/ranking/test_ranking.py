@@ -239,6 +239,21 @@ def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, 
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("k2", [9.8e3, 7e3], ids=["bilinear", "linear"])
+def test_a_bilinear_spring_is_found_where_fundamentals_alone_were_recorded(k2: float) -> None:
+    """Along a motion without a mean its fundamental is that of a linear spring, which stood first."""
+    law = "Piecewise((k1*x, x > 0), (k2*x, True)) + c*v + cq*v*abs(v)"
+    oscillator = rsgen.Oscillator(0.5, law, {"k1": 7e3, "k2": k2, "c": 1.4, "cq": 9.0})
+    frequency = np.linspace(15, 25, 28) if k2 > 7e3 else np.linspace(13.5, 23.5, 28)
+    plan = rsgen.SimulatedTest([0.5, 1, 2, 4], frequency, harmonics=1, noise_relative=3e-3, seed=1)
+    table = rsgen.simulate(oscillator, plan)
+    linear = "k*x + c*v + cq*v*abs(v)"
+    ranking = rank(changed(table, harmonics=table.harmonics * [np.nan, 1]), [linear, law], mass=0.5)
+    assert ranking.fits
+    assert ranking.candidates[0].parameters == (4 if k2 > 7e3 else 3)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["hysteresis", pytest.param("two modes", marks=pytest.mark.thorough)])
 def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []

@@ -514,10 +514,10 @@ def _compare_along_own(
 
     Along a motion without a mean a law is compared by its odd part: a stop on one side is one on both sides
     of half the stiffness. So compared are the best odd and the best other law for each number of parameters,
-    up to one more than that of the law of the motion, and the simplest that tie with this; what others gain
-    along it counts for nothing. Of an even force, as of a quadratic spring, nothing is left there: whatever
-    else explains the test, this may, too. It is compared alone and with a cubic spring, and where neither
-    ties in place of a law of the motion.
+    up to one more than that of the law of the motion, laws of the user, and the simplest that tie with this;
+    what others gain along it counts for nothing. Of an even force, as of a quadratic spring, nothing is left
+    there: whatever else explains the test, this may, too; and a bilinear spring is a linear one there. Both
+    are compared alone and with a cubic spring, and where neither ties with or in place of laws of the motion.
     """
     leader = current.leader.candidate
     laws, bic = [fit.candidate for fit in candidates], [fit.bic() for fit in candidates]
@@ -533,9 +533,9 @@ def _compare_along_own(
     even = [i for i in kind if laws[i].law.even]
     alone = [i for i in even if laws[i].name in given or hides_even(laws[i].name)]
     alone.sort(key=lambda i: -len(laws[i].values))
-    partners = [i for i in even if i not in alone and hides_even(laws[i].name, leader.name)]
-    lost = set[int]()
-    compared = [*({*first.values(), *near[:_LEADERS], *moved} - set(even)), *alone, *partners]
+    partners = [i for i in kind if i not in alone and hides_even(laws[i].name, leader.name)]
+    lost, own = set[int](), {i for i in kind if laws[i].name in given}
+    compared = [*({*first.values(), *near[:_LEADERS], *moved, *own} - {*even, *partners}), *alone, *partners]
     for number, i in enumerate(compared):
         progress(_SHARE_OF_STAGES + _SHARE_OF_MOTIONS * number / len(compared))
         if i in partners and min((bic[j] for j in alone), default=np.inf) < least + STRONG_EVIDENCE:
@@ -544,9 +544,9 @@ def _compare_along_own(
             continue
         fits, law, settled = list[CandidateFit](), laws[i], False
         # a few steps lead from one mean to another; where they end is known if they stay there
-        while len(fits) < 1 + (i not in even) and (own := test.along(law, current)) is not None:
-            law = own.leader.candidate
-            fit, settled = current.leader_of(own)
+        while len(fits) < 1 + (i not in even) and (along := test.along(law, current)) is not None:
+            law = along.leader.candidate
+            fit, settled = current.leader_of(along)
             fits.append(fit)
         ends = [fit.bic() for fit in fits]
         stays = len(ends) == 2 and abs(ends[1] - ends[0]) < STRONG_EVIDENCE

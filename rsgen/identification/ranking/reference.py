@@ -151,7 +151,7 @@ def fit_reference_motion(
     values = law.ordered(best.values)
     problem = Problem(best.elements, law, observed, fixed)
     place = problem.join(values, best.values["m"], best.background)
-    if law.even and not records_even(problem):
+    if not records_even(problem):
         problem, place = start_even_forces(problem, place)
     found = fit_balance(problem, place, order=BALANCE_HARMONICS, exclude=False, steps=MAX_TRIAL_STEPS)
     found = replace(found, problem=replace(problem, observed=_with_phases(found)))

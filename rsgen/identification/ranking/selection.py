@@ -459,14 +459,15 @@ def _shortlist(trials: Sequence[SumFit], most: int, alone: int) -> list[SumFit]:
 
 
 def hides_even(name: str, leader: str = "") -> bool:
-    """Return True for a sum with an even force, which has no fundamental along a motion without a mean.
+    """Return True for a sum with an even force, or one that is even but for a linear spring.
 
-    The force is alone, with a cubic spring, which it imitates, or in place of a law of the ``leader``.
+    It has no fundamental of its own along a motion without a mean. The force is alone, with a cubic spring,
+    which it imitates, or with or in place of the laws of the ``leader``.
     """
-    even = {term.name for term in library_terms() if term.law.even}
+    even = {term.name for term in library_terms() if not (term.law.odd or term.search)}
     names = _term_names(name)
     others = names - even
-    return bool(names & even) and (others <= {"cubic-spring"} or others < _term_names(leader))
+    return bool(names & even) and (others <= {"cubic-spring"} or others <= _term_names(leader))
 
 
 def _term_names(name: str) -> frozenset[str]:
