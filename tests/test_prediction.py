@@ -24,8 +24,9 @@ from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.describing.derivation import derive
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
-from rsgen.identification.prediction.prediction_result import known_beyond
+from rsgen.identification.prediction.prediction_result import known_beyond, missed_findings
 from rsgen.identification.prediction.resonance_curves import predict_shown
+from rsgen.identification.results.result import held_out_lines
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, model, noisy, surface
@@ -351,8 +352,9 @@ def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(bas
     test = SimulatedTest([0.4, 0.8], np.linspace(13, 22, 40), method="harmonic-balance", base=base or None)
     table = simulate(oscillator, test)
     found = identify(table, Model(oscillator.elements, observation=Observation(predict=(asked,))))
-    shown = predict_shown(table, found)
-    (said,) = (finding for finding in shown.findings if finding.code == "level-predicted")
+    (said,) = (finding for finding in found.findings if finding.code == "level-predicted")
+    assert said not in predict_shown(table, found).findings
+    assert sentence(said) in str(found)
     ((largest, at),) = [
         (float(np.nanmax(curve.amplitude)), float(curve.frequency[np.nanargmax(curve.amplitude)]))
         for curve in predict(found, [asked], table)
@@ -389,8 +391,9 @@ def test_of_a_curve_that_the_band_cuts_the_largest_amplitude_is_not_stated():
     law, values = "k*x + c*v + k3*x**3", {"k": 8800.0, "c": 2.0, "k3": 2.2e8}
     test = SimulatedTest([0.1, 0.2], np.linspace(18, 20, 41), method="harmonic-balance")
     table = simulate(Oscillator(0.62, law, values), test)
-    prediction = predict_shown(table, identify(table, law, Observation(predict=(3.0,))))
-    (said,) = (finding for finding in prediction.findings if finding.code == "level-predicted")
+    found = identify(table, law, Observation(predict=(3.0,)))
+    prediction = predict_shown(table, found)
+    (said,) = (finding for finding in found.findings if finding.code == "level-predicted")
     assert prediction[3.0].rises_at_end
     inside = {"inside", "inside_low", "inside_high", "inside_at"}
     assert set(said.numbers) == {"level", "at", "reached"} | inside
@@ -534,6 +537,43 @@ def test_a_held_out_label_is_no_force():
     assert [curve.force for curve in predict(found)] == pytest.approx([2.0, 4.0, 8.0], rel=1e-3)
 
 
+@pytest.mark.parametrize(("label", "name"), [(None, "4 N"), ([1.0, 2.0, 3.0], "4 N (label 2)")])
+def test_a_level_has_one_name(label, name):
+    """Terminal and tables said 4 N, the figure 3.8 N, the case 2."""
+    driven = surface("cubic", levels=np.array([1.9, 3.8, 7.6]))
+    at = np.searchsorted(driven.levels, driven.level)
+    table = changed(driven, level=np.array([2.0, 4.0, 8.0])[at], label=label and np.array(label)[at])
+    found = identify(table, model("cubic", hold_out=(2.0 if label else 4.0,)))
+    prediction = predict(found, surface=table)
+    (held_out,) = prediction.held_out
+    assert held_out.name == name
+    assert held_out_lines([held_out])[0].startswith(f"held out {name}: predicted")
+    drawn = figures.draw_responses(table, prediction).figure.axes[0].get_legend()
+    assert (drawn.get_title().get_text(), drawn.get_texts()[1].get_text()) == ("Level F", name)
+    assert figures.draw_held_out(prediction).figure.axes[0].get_title("left").startswith(f"F = {name}")
+    (missed,) = missed_findings((replace(held_out, error=0.3, misfit=0.01),))
+    assert f"level {name} (sweep rest) is predicted" in sentence(missed)
+
+
+def test_predictions_keep_to_the_band_of_the_observation():
+    """The force of a level was taken at the largest response, of a mode beyond the band; curves left it."""
+    test, band = surface("cubic", levels=np.array([2.0, 4.0, 8.0])), (8.5, 11.5)
+    level, force = np.tile(test.level, 2), np.concatenate([test.force, 0.6 * test.force])
+    frequency = np.concatenate([test.frequency, test.frequency + 20])
+    motion = np.concatenate([test.harmonics[:, 1], 3 * test.harmonics[:, 1]])
+    table = ResponseSurface(level, frequency, force, motion)
+    asked = Observation(hold_out=[4.0], band=band, predict=[6.0])
+    found = identify(table, "k*x + kn*x**3 + c*v", asked)
+    prediction = predict_shown(table, found)
+    assert [curve.level for curve in prediction] == [2.0, 4.0, 6.0, 8.0]
+    (held_out,) = prediction.held_out
+    assert (held_out.force, found.held_out[0].force) == (4.0, 4.0)
+    drawn = figures.draw_responses(table, prediction).figure.axes[0]
+    for at in (*(curve.frequency for curve in prediction), *(line.get_xdata() for line in drawn.get_lines())):
+        assert band[0] <= np.nanmin(at) < np.nanmax(at) <= band[1]
+    assert len(predict(found, [6.0], band=(7.0, 13.0))[6.0].frequency)
+
+
 def test_a_level_whose_force_changes_is_predicted_at_its_forces():
     """Curves of one force were drawn and judged: a shaker without control holds what they call unstable."""
     values, drop = {"k": 61000.0, "c": 9.0, "k3": -8e8}, 14.0
@@ -577,7 +617,7 @@ def test_a_free_decay_has_no_band_that_cuts_its_curves():
     assert not curve.rises_at_end
     assert np.nanmax(curve.amplitude) == pytest.approx(0.2 / (1.2 * np.sqrt(4000.0)), rel=1e-2)
     assert np.nanmin(curve.amplitude) < np.nanmax(curve.amplitude) / 2
-    (said,) = (sentence(one) for one in prediction.findings if one.code == "level-predicted")
+    (said,) = (sentence(one) for one in found.findings if one.code == "level-predicted")
     assert "not known" not in said
 
 
@@ -610,8 +650,8 @@ def test_a_level_asked_for_says_that_doubling_was_not_looked_for(law):
     values = {"k": 2e4, "c": 8.0} | ({"kt": 3e3, "Fs": 1.0} if "kt" in law else {})
     test = SimulatedTest([0.4, 0.8], np.linspace(13, 22, 20), method="harmonic-balance")
     table = simulate(Oscillator(2.0, law, values), test)
-    shown = predict_shown(table, identify(table, law, Observation(predict=(0.6,))))
-    (said,) = (finding for finding in shown.findings if finding.code == "level-predicted")
+    found = identify(table, law, Observation(predict=(0.6,)))
+    (said,) = (finding for finding in found.findings if finding.code == "level-predicted")
     assert ("only folds were looked for" in sentence(said)) == ("kt" in law)
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
-from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits
+from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits, quantity_text
 
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 """Quantities of a motion, each the derivative of the one before, and their units."""
@@ -85,6 +85,17 @@ def misnamed_levels(levels: Array, amounts: Array, known: Sequence[Finding]) -> 
     }
     numbers = {name: Quantity(float(one), "N") for name, one in forces.items()}
     return [Finding("levels-swapped", "doubt", numbers=numbers)]
+
+
+def level_name(level: float, unit: str, label: str = "") -> str:
+    """Return the name of a level in pages, figures and messages: its amount, and its label where it has one.
+
+    Examples
+    --------
+    >>> level_name(6.96, "N"), level_name(0.217, "N", "2")
+    ('6.96 N', '217 mN (label 2)')
+    """
+    return quantity_text(level, unit) + (f" (label {label})" if label else "")
 
 
 def match_level(levels: Array, asked: float) -> float | None:
@@ -186,6 +197,12 @@ class Records(ABC):
             return ", ".join(f"{one:g}" for one in self.levels)
         pairs = np.unique([self.level, self.label], axis=1).T
         return ", ".join(f"{one:g} (label {name:g})" for one, name in pairs)
+
+    def label_of(self, level: float) -> str:
+        """Return the labels of a level as text; "" where it has none."""
+        if self.label is None:
+            return ""
+        return ", ".join(f"{name:g}" for name in np.unique(self.label[self.level == level]))
 
     def _named(self, asked: float) -> float | None:
         return None if self.label is None else match_level(np.unique(self.label), asked)

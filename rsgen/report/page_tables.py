@@ -244,7 +244,7 @@ def held_out_table(
     What is as good as the fit is called so only of a ``usable`` result.
     """
     columns: dict[str, _Says] = {
-        "Level": lambda item: quantity_text(item.level, item.level_unit),
+        "Level": lambda item: item.name,
         "Sweep": lambda item: _SWEEPS.get(item.sweep, item.sweep),
         "Points": lambda item: str(len(item.frequency)),
         "Error, root mean square": lambda item: Cell(error_text(item.error), size_of_error(item, usable)),
@@ -271,7 +271,7 @@ def _error_at(law: Sequence[HeldOutLevel], item: HeldOutLevel) -> float:
 def record_table(records: Sequence[PredictedRecord]) -> Table | None:
     """Score the records of held-out levels; None where there are none."""
     columns: dict[str, _Says] = {
-        "Level, rms": lambda one: quantity_text(one.level, one.level_unit, 3),
+        "Level, rms": lambda one: one.name,
         "Lines": lambda one: str(int(np.count_nonzero(one.judged))),
         "Error, root mean square": lambda one: error_text(one.error, 3),
         "Noise of the measured mean": lambda one: error_text(one.noise),

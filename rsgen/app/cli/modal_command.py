@@ -6,7 +6,6 @@ from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import USABLE_RESULT, Data, Json, OneCase, number, print_json, print_line
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
-from rsgen.formula.units import quantity_text
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out
 from rsgen.report.result_json import modal_entry
@@ -39,10 +38,9 @@ def modal_command(case: OneCase, data: Data = None, json: Json = False) -> int:
     for text in said:
         print_line(f"note: {text}")
     for item in modal.held_out:
-        level = quantity_text(item.level, item.level_unit)
         scored = len(item.frequency) - item.missing
         error = f", error {number(100 * item.error, 2)} %" if scored else ": outside the table"
         print_line(
-            f"held out {level}, {item.sweep}: {scored} of {len(item.frequency)} points predicted{error}"
+            f"held out {item.name}, {item.sweep}: {scored} of {len(item.frequency)} points predicted{error}"
         )
     return USABLE_RESULT

@@ -69,6 +69,13 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
     return found
 
 
+def within(surface: ResponseSurface, band: tuple[float, float] | None) -> ResponseSurface:
+    """Return the points of a band of frequencies [Hz]; all of None."""
+    if band is None:
+        return surface
+    return surface.select((surface.frequency >= band[0]) & (surface.frequency <= band[1]))
+
+
 _QUANTILE_OF_LARGEST = 0.9
 """Quantile that stands for the largest amount: single readings may be off."""
 

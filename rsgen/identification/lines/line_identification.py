@@ -60,7 +60,7 @@ from rsgen.identification.lines.line_fit import (
     start_values,
 )
 from rsgen.identification.misfit import background_findings
-from rsgen.identification.prediction.prediction_result import BEYOND, PredictedRecord, Prediction
+from rsgen.identification.prediction.prediction_result import BEYOND, PredictedRecord, Prediction, named
 from rsgen.identification.profile import is_resolved, with_line_profiles
 from rsgen.identification.results import (
     Background,
@@ -542,7 +542,8 @@ def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra,
     error = float(np.linalg.norm((predicted - measured)[judged])) / size
     noise = float(np.linalg.norm(spectra.noise()[1][0][judged])) / size
     level = float(spectra.level[0])
-    return PredictedRecord(level, frequency, measured, predicted, judged, error, noise, spectra.level_unit)
+    unit, label = spectra.level_unit, spectra.label_of(level)
+    return PredictedRecord(level, frequency, measured, predicted, judged, error, noise, unit, label)
 
 
 def _prediction_findings(
@@ -562,5 +563,5 @@ def _prediction_findings(
         if one.error > HELD_OUT_ERROR_SMALL:
             severity = severity_of(one.error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
             numbers = quantities(level=level, error=one.error, misfit=found.residual)
-            findings.append(Finding("held-out-missed", severity, numbers=numbers))
+            findings.append(Finding("held-out-missed", severity, "", numbers, named(one)))
     return findings

@@ -23,6 +23,7 @@ from rsgen.common.tolerances import (
     MAX_ERROR_TO_MISFIT,
     RELATIVE_CHANGE_NEGLIGIBLE,
 )
+from rsgen.data.record_set import level_name
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
@@ -88,6 +89,11 @@ class ResonanceCurve(Brief):
         freeze(self, ("multiplier",), np.complex128)
         freeze(self, ("stable", "extrapolated"), np.bool_)
         freeze(self, ("folds",))
+
+    @property
+    def name(self) -> str:
+        """Name of the level."""
+        return level_name(self.level, self.level_unit)
 
     @property
     def jumps(self) -> tuple[str, ...]:
@@ -162,6 +168,8 @@ class HeldOutLevel(Brief):
     changes
         True where the force was another one near the resonance, as of a shaker without control: the points
         lie on no curve of one force.
+    label
+        Label of the level, where it has one.
     """
 
     level: float
@@ -179,10 +187,16 @@ class HeldOutLevel(Brief):
     misfit: float = nan
     largest_at: float = nan
     changes: bool = False
+    label: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, ("frequency",))
         freeze(self, ("measured", "predicted"), np.complex128)
+
+    @property
+    def name(self) -> str:
+        """Name of the level."""
+        return level_name(self.level, self.level_unit, self.label)
 
 
 def force_changes(amplitude: Array, force: Array | ComplexArray) -> bool:
@@ -214,13 +228,18 @@ def known_beyond(
     return {"held": held, **quantities(error=max(one.error for one in above))}
 
 
+def named(item: HeldOutLevel | PredictedRecord) -> dict[str, str]:
+    """Return the label of a level as a finding has it; empty without one."""
+    return {"label": item.label} if item.label else {}
+
+
 def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
     """Find held-out levels with points without a predicted steady state near them, as next to a jump."""
     findings = []
     for item in (item for item in held_out if item.missing):
         level, size = Quantity(item.level, item.level_unit), np.abs(item.measured)
         numbers = quantities(missing=item.missing, points=len(size), level=level)
-        names = {"sweep": item.sweep}
+        names = {"sweep": item.sweep, **named(item)}
         missed = ~(np.abs(item.predicted - item.measured) <= BRANCH_DISTANCE * size)
         few = item.missing == np.count_nonzero(missed) <= np.ceil(SHARE_AT_JUMPS * len(size))
         if few and at_jump(size, missed):
@@ -243,7 +262,9 @@ def missed_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
             # forces of a decay are far more sensitive to the values than its frequency
             severity = "warning"
             numbers |= quantities(explained=item.explained)
-        findings.append(Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep}))
+        findings.append(
+            Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep, **named(item)})
+        )
     return tuple(findings)
 
 
@@ -315,6 +336,8 @@ class Prediction(Printed):
         Frequencies of the curves that were asked for [Hz]; None: those of the test.
     fitted
         Fitted levels whose force ``changes``, at the forces that were measured; empty without a surface.
+    observed
+        Band of the observation [Hz], whose points alone are fitted, judged and drawn; None: all.
     """
 
     curves: tuple[ResonanceCurve, ...]
@@ -323,6 +346,7 @@ class Prediction(Printed):
     records: tuple[PredictedRecord, ...] = ()
     band: tuple[float, float] | None = None
     fitted: tuple[HeldOutLevel, ...] = ()
+    observed: tuple[float, float] | None = None
 
     def __getitem__(self, level: float) -> ResonanceCurve:
         """Curve of a level [N].
@@ -396,6 +420,8 @@ class PredictedRecord(Brief):
         a prediction.
     noise
         The same of the noise of the measured mean [1]; NaN of one period.
+    label
+        Label of the level, where it has one.
     """
 
     level: float
@@ -406,8 +432,14 @@ class PredictedRecord(Brief):
     error: float
     noise: float
     level_unit: str = "N"
+    label: str = ""
 
     def __post_init__(self) -> None:
         freeze(self, ("frequency",))
         freeze(self, ("measured", "predicted"), np.complex128)
         freeze(self, ("judged",), np.bool_)
+
+    @property
+    def name(self) -> str:
+        """Name of the level."""
+        return level_name(self.level, self.level_unit, self.label)

@@ -29,7 +29,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
 from rsgen.data.record_set import match_level
-from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts
+from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, within
 from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
@@ -95,8 +95,8 @@ def predict(
         is predicted, None: those of the held-out levels. Curves are of ``levels`` asked for alone, each the
         amplitude of a sine, where the levels of a multisine are root mean squares.
     band
-        Lowest and highest frequency [Hz] of the curves; None: the tested range and a little more, of an
-        oscillator the resonances with their flanks.
+        Lowest and highest frequency [Hz] of the curves; None: the tested range and a little more, within the
+        band of the observation, of an oscillator the resonances with their flanks.
 
     Raises
     ------
@@ -124,9 +124,10 @@ def predict(
     table, mass = None, found.mass
     if isinstance(found, ModalTable):
         table, found = found, table_as_identification(found)
+    observed = None if isinstance(found, Oscillator) else found.model.observation.band
     if surface is not None:
         require(surface, ResponseSurface, "surface")
-        surface = cast("ResponseSurface", surface).on_mass(mass)
+        surface = within(cast("ResponseSurface", surface).on_mass(mass), observed)
     chosen = _levels(found, levels, surface)
     if isinstance(found, Identification) and not isfinite(found.mass):
         return Prediction((), (), (Finding("needs-mass", "warning"),))
@@ -136,6 +137,8 @@ def predict(
     low, high = found.frequency_range
     near = (low * (1 - _FREQUENCY_MARGIN), high * (1 + _FREQUENCY_MARGIN))
     window = near if band is None else _check_band(band)
+    if observed and band is None:
+        window = max(near[0], observed[0]), min(near[1], observed[1])
     refuse_across(found.model.sensors, levels=levels is not None)
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     # free decays and resonances alone have no band: the law has flanks
@@ -161,7 +164,8 @@ def predict(
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out, fitted), *findings]
     asked = band and window
-    return Prediction(curves, held_out, (*findings, *records.findings), records.records, asked, fitted)
+    findings += records.findings
+    return Prediction(curves, held_out, tuple(findings), records.records, asked, fitted, observed)
 
 
 def _resonance_band(
@@ -195,13 +199,14 @@ def _along(found: Identification) -> list[Finding]:
 
 
 def predict_records(found: MultisineIdentification) -> Prediction:
-    """Predict the held-out records of a multisine."""
+    """Predict the held-out records of a multisine; state the levels that were asked for."""
     scored = rsgen.identification.predict_multisine(found)
-    return replace(scored, findings=(*_by_label(found, found.spectra), *scored.findings))
+    meant = (*_by_label(found, found.spectra), *_asked_for(found, found.spectra))
+    return replace(scored, findings=(*meant, *scored.findings))
 
 
 def predict_held_out(found: Identification, surface: ResponseSurface) -> Prediction:
-    """Predict the held-out levels, and compare each with its test.
+    """Predict the held-out levels, and compare each with its test; state those that were asked for.
 
     Parameters
     ----------
@@ -210,12 +215,10 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
     surface
         The test that was identified, held-out levels included.
     """
-    if not found.model.observation.hold_out:
-        return Prediction((), (), ())
-    meant = _by_label(found, surface)
-    if not isfinite(found.mass):
+    meant = (*_by_label(found, surface), *_asked_for(found, surface))
+    if not (found.model.observation.hold_out and isfinite(found.mass)):
         return Prediction((), (), meant)
-    surface = surface.on_mass(found.mass)
+    surface = within(surface.on_mass(found.mass), found.model.observation.band)
     held = surface.held_out(found.model.observation.hold_out)
     held_out = _score(found, balance_of(found), surface, held)
     return Prediction((), held_out, (*meant, *missing_findings(held_out), *missed_findings(held_out)))
@@ -484,18 +487,10 @@ def _score(
 ) -> tuple[HeldOutLevel, ...]:
     """Predict points (n,), mostly of held-out levels, and compare, a score for each level and sweep.
 
-    Left out are points that did not settle, lie outside the band, or have no force or motion;
-    ``score_points`` leaves out a few at jumps.
+    Left out are points that did not settle, or have no force or motion; ``score_points`` leaves out a few
+    at jumps.
     """
-    low, high = identification.model.observation.band or (0.0, inf)
-    chosen = (
-        points
-        & surface.settled
-        & (surface.frequency >= low)
-        & (surface.frequency <= high)
-        & (surface.amplitude > 0)
-        & (np.abs(surface.force) > 0)
-    )
+    chosen = points & surface.settled & (surface.amplitude > 0) & (np.abs(surface.force) > 0)
     scored = []
     forces = np.full(len(surface.levels), nan) if surface.response_held else typical_amounts(surface)
     for level in np.unique(surface.level[chosen]):
@@ -530,6 +525,7 @@ def _score(
                     misfit=identification.residual,
                     largest_at=float(surface.frequency[rows[worst]]),
                     changes=not isinf(near) and force_changes(surface.amplitude[rows], surface.force[rows]),
+                    label=surface.label_of(level),
                 )
             )
     return tuple(scored)
@@ -544,9 +540,16 @@ def predict_shown(table: ResponseSurface | MultisineSpectra, identification: Ide
     else:
         levels = [] if identification.model.sensors else _shown_levels(table, identification)
         found = predict(identification, sorted({*levels, *asked}) or None, table)
-    band = identification.frequency_range if not getattr(table, "decays", False) else (0.0, inf)
-    largest = [_largest(found[level], table.base, band) for level in asked]
-    return replace(found, findings=(*found.findings, *largest))
+    return found
+
+
+def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) -> list[Finding]:
+    """State what the law predicts under the levels asked for, where it has curves."""
+    asked = found.model.observation.predict
+    if not asked or found.model.sensors or not isfinite(found.mass):
+        return []
+    band = (0.0, inf) if getattr(test, "decays", False) else found.frequency_range
+    return [_largest(curve, test.base, band) for curve in predict(found, asked)]
 
 
 def _largest(curve: ResonanceCurve, base: str, band: tuple[float, float]) -> Finding:
@@ -560,9 +563,9 @@ def _largest(curve: ResonanceCurve, base: str, band: tuple[float, float]) -> Fin
         inside = curve.stable & (curve.frequency >= band[0]) & (curve.frequency <= band[1])
         if inside.any() and not band[0] <= curve.frequency[top] <= band[1]:
             most = int(np.argmax(np.where(inside, curve.amplitude, 0.0)))
-            least, within, largest = (float(of[most]) for of in ends)
+            least, most_inside, largest = (float(of[most]) for of in ends)
             numbers |= quantities("Hz", inside_at=float(curve.frequency[most]))
-            numbers |= quantities("m", inside=within)
+            numbers |= quantities("m", inside=most_inside)
             numbers |= quantities("m", inside_low=least, inside_high=largest) if least < largest else {}
         if curve.rises_at_end:
             numbers |= quantities("m", reached=size)
@@ -582,6 +585,7 @@ def _shown_levels(surface: ResponseSurface, identification: Identification) -> l
     if surface.response_held:
         # its levels are no forces; those that the resonances needed are
         return [float(level) for level in identification.levels]
+    surface = within(surface, identification.model.observation.band)
     held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
     chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
     forces = typical_amounts(surface)[chosen]

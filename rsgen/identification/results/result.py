@@ -118,7 +118,7 @@ def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
     What is as good as the fit is called so only next to a ``usable`` verdict.
     """
     return [
-        f"held out {short(one.level, 4)} {one.level_unit}"
+        f"held out {one.name}"
         + (f", {one.sweep}" if getattr(one, "sweep", "rest") != "rest" else "")
         + f": predicted with an error of {100 * one.error:.2g} %"
         + (f", {one.missing} of {len(one.frequency)} points not at all" if getattr(one, "missing", 0) else "")

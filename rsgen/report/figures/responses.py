@@ -14,7 +14,8 @@ from matplotlib.ticker import FuncFormatter
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
+from rsgen.data.record_set import level_name
+from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts, within
 from rsgen.formula.units import SWEEPS, Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.prediction.prediction_result import choose_levels
@@ -27,6 +28,7 @@ from rsgen.report.figures.drawing import (
     in_style,
     label_abscissa,
     level_colours,
+    level_word,
     take_axes,
 )
 
@@ -81,6 +83,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     ax
         Axes to draw on; None makes a figure.
     """
+    surface = within(surface, prediction.observed)
     levels, shown = _shown_levels(surface, prediction)
     predicted = (
         {curve.level: curve for curve in prediction.curves if len(curve.frequency)}
@@ -96,15 +99,16 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         _draw_measured(axes, shown, level, scale.factor, colour)
         curve = predicted.get(level)
         for item in changing.get(level, ()):
-            name = quantity_text(level, item.level_unit, 3) if item is changing[level][0] else None
+            name = item.name if item is changing[level][0] else None
             _draw_predicted(axes, item, scale.factor, colour, name)
         if curve is not None and level not in changing:
-            _draw_curve(axes, curve, scale.factor, colour, quantity_text(curve.level, curve.level_unit, 3))
+            held = surface.response_held
+            name = curve.name if held else level_name(level, surface.level_unit, surface.label_of(level))
+            _draw_curve(axes, curve, scale.factor, colour, name)
             curves.append(curve)
     for curve in () if surface.response_held else prediction.curves:
         if len(curve.frequency) and not any(curve is one for one in predicted.values()):
-            name = f"{quantity_text(curve.level, curve.level_unit, 3)}, not tested"
-            _draw_curve(axes, curve, scale.factor, "0.5", name)
+            _draw_curve(axes, curve, scale.factor, "0.5", f"{curve.name}, not tested")
             curves.append(curve)
             untested.append(curve)
     beyond = _limit(axes, shown, scale.factor, prediction.band, curves if prediction.band else untested)
@@ -112,7 +116,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
     axes.set_ylabel(scale.label("Amplitude X"))
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        title = "Level" if surface.base else "Force F"
+        title = "Force F" if surface.response_held else level_word(surface)
         axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
     caption = _responses_caption(
         surface, shown, {v: predicted[v] for v in {*predicted} - {*changing}}, curves
@@ -164,8 +168,8 @@ def _responses_caption(
     if abs(force - level) > RELATIVE_CHANGE_NEGLIGIBLE * level:
         names = [quantity_text(size, surface.level_unit, 3) for size in (force, level)]
         caption += (
-            f" A line has the force near the resonance of its level, such as {names[0]} at level {names[1]}, "
-            "and is named by it; points away from the resonance had another one."
+            f" A line has the force near the resonance of its level, such as {names[0]} at level {names[1]}; "
+            "points away from the resonance had another one."
         )
     return caption
 
@@ -253,7 +257,7 @@ def _level_text(item: HeldOutLevel) -> str:
     # a force that was held has no number, and a length next to a force is that of a base
     held = {"N": "F", "m": "X"} if np.isnan(item.force) else {"N": "F"}
     symbol = held.get(item.level_unit, "base")
-    name = f"{symbol} = {quantity_text(item.level, item.level_unit, 3)}"
+    name = f"{symbol} = {item.name}"
     if abs(item.force - item.level) > RELATIVE_CHANGE_NEGLIGIBLE * item.level:
         name += f" ({quantity_text(item.force, item.force_unit, 3)} near the resonance)"
     return name
