@@ -628,6 +628,13 @@ def test_a_modal_table_of_held_amplitudes_predicts_one_force_a_level():
     exact = ResponseSurface(sizes, omega / (2 * np.pi), force, sizes + 0j, control="response")
     table = modal_table(noisy(exact, 1e-3, 1), mass=1.5)
     assert len(predict(table, surface=exact)) == 3
+    # readings of the amplitude in place of levels were levels with a row and a warning each
+    read = noisy(exact, 5e-3, 1)
+    table = modal_table(changed(read, level=read.amplitude), mass=1.5)
+    assert table.amplitude == pytest.approx([1e-4, 2e-4, 4e-4], rel=5e-3)
+    assert len(predict(table, surface=exact)) == 3
+    (said,) = (finding for finding in table.findings if finding.code == "levels-disagree")
+    assert sentence(said).endswith("given as levels; they are taken for 3 levels")
 
 
 @pytest.mark.slow

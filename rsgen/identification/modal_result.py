@@ -33,8 +33,16 @@ from rsgen.common.tolerances import (
     RELATIVE_CHANGE_NEGLIGIBLE,
     interval_sigmas,
 )
+from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.oscillator import Observation
-from rsgen.data.surface.response_surface import HALF_POWER, within_half_power
+from rsgen.data.record_set import MIN_POINTS_OF_RUN
+from rsgen.data.surface.columns import group_forces
+from rsgen.data.surface.response_surface import (
+    HALF_POWER,
+    ResponseSurface,
+    within_half_power,
+    without_copies,
+)
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.forward import Forward
@@ -454,6 +462,22 @@ def _amplitude_groups(amplitude: Array) -> list[NDArray[np.intp]]:
     """Return rows of amplitudes [m] in ascending order, parted where these differ."""
     order = np.argsort(amplitude)
     return np.split(order, np.flatnonzero(np.diff(np.log(amplitude[order])) > _AMPLITUDE_TOLERANCE) + 1)
+
+
+def levels_tested(surface: ResponseSurface) -> ResponseSurface:
+    """Return a test without copies, with levels where each point had a reading of its amplitude for one."""
+    surface = without_copies(surface)
+    level = surface.level
+    if not (surface.response_held and len(surface.levels) == len(surface)):
+        return surface
+    group = group_forces(level, MAX_LEVEL_SPREAD)
+    runs = [level[group == number] for number in np.unique(group)]
+    if any(len(run) < MIN_POINTS_OF_RUN or run.max() > (1 + MAX_LEVEL_SPREAD) * run.min() for run in runs):
+        return surface
+    numbers = quantities(points=len(surface), levels=len(runs))
+    said = Finding("levels-disagree", "warning", "", numbers, {"by": "amplitude"})
+    middle = np.array([np.median(run) for run in runs])[group]
+    return replace(surface, level=middle, findings=(*surface.findings, said))
 
 
 def held_amplitudes(mode: Points) -> Array:

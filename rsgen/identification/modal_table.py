@@ -40,12 +40,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface.response_surface import (
-    ResponseSurface,
-    typical_amounts,
-    within_half_power,
-    without_copies,
-)
+from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts, within_half_power
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.forward import ErrorsInVariables
 from rsgen.identification.fitting.least_squares import Regression, Rules, fit
@@ -76,6 +71,7 @@ from rsgen.identification.modal_result import (
     held_amplitudes,
     holes,
     known_columns,
+    levels_tested,
     scattered,
     table_amplitudes,
 )
@@ -371,7 +367,7 @@ def modal_table(
     model = _model_of(about, mass)
     if isinstance(surface, MultisineSpectra):
         return rsgen.identification.table_of_lines(*per_unit_mass(surface, model))
-    rows = without_copies(surface)
+    rows = levels_tested(surface)
     copied = rows.findings[len(surface.findings) :]
     surface, model = per_unit_mass(rows, model)
     means, _ = gather_repeats(surface)

@@ -6,7 +6,7 @@ from math import isnan
 import numpy as np
 import pytest
 
-from rsgen import Finding, ResponseSurface, SimulatedTest, identify, make_element, sentence, simulate
+from rsgen import Finding, ResponseSurface, SimulatedTest, identify, laws, make_element, sentence, simulate
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.identification.fitting.points import select_points
@@ -277,3 +277,19 @@ def test_more_harmonics_of_a_law_with_memory_are_more_than_those_of_its_corners(
     monkeypatch.setattr(module, "_HARMONICS_OF_CORNERS", 15)
     identify(small_joint("jenkins", 0.01), joint_law("jenkins"))
     assert orders[:2] == [15, 23]
+
+
+@pytest.mark.slow
+def test_parameters_that_ran_away_are_not_said_to_need_higher_levels_alone():
+    """A Jenkins element is an Iwan joint of chi without end; R and chi were to be seen at higher levels."""
+    jenkins, iwan = "k*x + c*v + masing(Min(kt*x, Fs))", f"k*x + c*v + {laws['iwan4'].force}"
+    joint = Oscillator(1.3, jenkins, {"k": 3e4, "c": 5.0, "kt": 1.4e4, "Fs": 2.0})
+    plan = SimulatedTest(
+        [1, 2, 4, 8], np.linspace(22, 34, 61), method="harmonic-balance", noise_relative=3e-3
+    )
+    found = identify(simulate(joint, plan), iwan)
+    said = {one.name: one.finding for one in found if one.finding}
+    assert {name: finding.code for name, finding in said.items()} == {"R": "no-effect", "chi": "no-effect"}
+    assert said["chi"]["value"] > 1e3
+    assert "at the values found, its own" in sentence(said["chi"])
+    assert found["S"].value * found["phimax"].value == pytest.approx(2.0, rel=5e-3)

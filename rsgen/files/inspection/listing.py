@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections import ChainMap
+from collections import ChainMap, Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -218,7 +218,9 @@ def _passed(found: text_columns.Columns) -> str:
 
 
 def unread(test: MeasuredTest) -> list[str]:
-    """Return the arrays of the first file of a test that its plan does not read: of a whole sheet its name.
+    """Return the arrays of the first file of a test that its plan does not read.
+
+    Of a whole sheet it is its name, and one of several sheets that are read is named once, ``*/name``.
 
     None of a text, and none of what has a number in place of a path.
     """
@@ -235,8 +237,13 @@ def unread(test: MeasuredTest) -> list[str]:
     arrays = [entry.path for entry in contents.entries if entry.size > 1 and entry.dtype and not entry.fault]
     used = {path for path in arrays if any(pattern.fullmatch(path) for pattern in meant)}
     folders = {path.rpartition("/")[0] for path in used}
-    left = [(path, path.rpartition("/")[0]) for path in arrays if path not in used]
-    return list(dict.fromkeys(path if folder in folders else f"{folder}/*" for path, folder in left))
+    left = [(path, *path.rpartition("/")[::2]) for path in arrays if path not in used]
+    shared = Counter(name for _, folder, name in left if folder in folders)
+    said = (
+        f"{folder}/*" if folder not in folders else f"*/{name}" if shared[name] > 1 else path
+        for path, folder, name in left
+    )
+    return list(dict.fromkeys(said))
 
 
 def list_contents(path: Path) -> Contents:

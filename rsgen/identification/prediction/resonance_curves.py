@@ -291,7 +291,7 @@ def _findings(
 ) -> tuple[Finding, ...]:
     """Find curves without a steady state, or beyond the amplitudes tested, and points not predicted."""
     changing = [item.force for item in (*held_out, *fitted) if item.changes]
-    findings, short = list[Finding](), list[tuple[float, Finding]]()
+    findings, short, rising = list[Finding](), list[tuple[float, Finding]](), list[dict[str, Quantity]]()
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
         if len(curve.frequency) == 0:
@@ -299,9 +299,7 @@ def _findings(
             findings.append(Finding("no-steady-state", "warning", numbers=numbers))
             continue
         if isinstance(balance, SynthesisBalance) and curve.rises_at_end:
-            findings.append(
-                Finding("prediction-extrapolated", "warning", numbers=numbers, names={"by": "table"})
-            )
+            rising.append(numbers)
             continue
         run = _points_under(found, curve.force)
         if curve.force in changing or (run is not None and force_changes(run.amplitude, run.force)):
@@ -314,6 +312,9 @@ def _findings(
             largest = float(np.nanmax(curve.amplitude))
             numbers |= known_beyond(held_out or found.held_out, curve.force, largest, tested[1])
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
+    if rising:
+        numbers = rising[-1] | quantities(levels=len(rising))
+        findings.append(Finding("prediction-extrapolated", "warning", "", numbers, {"by": "table"}))
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
     if any(one["peak"] > tested[1] for _, one in short):

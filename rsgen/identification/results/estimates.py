@@ -333,7 +333,7 @@ class _Reasons:
         without zero lifts the latter (``profile``).
         """
         names, regression, i = self.names, self.regression, self.names.index(name)
-        weight = np.abs(regression.null[i])
+        weight, value, unit = np.abs(regression.null[i]), float(regression.parameters[i]), self.units[name]
         if weight.max(initial=0.0) > MIN_NULL_COMPONENT:
             column = regression.null[:, int(np.argmax(weight))]
             large = (n for n, part in zip(names, column, strict=True) if abs(part) > MIN_NULL_COMPONENT)
@@ -342,10 +342,9 @@ class _Reasons:
                 others = ", ".join(partners) or "the background"
                 known, numbers = self._combination(name, partners)
                 return Finding("confounded", "warning", name, numbers, {"with": others, **known})
-            return Finding("no-effect", "warning", name, self.tested)
-        error, value = float(np.sqrt(regression.covariance[i, i])), float(regression.parameters[i])
+            return Finding("no-effect", "warning", name, {"value": Quantity(value, unit), **self.tested})
+        error = float(np.sqrt(regression.covariance[i, i]))
         if np.isfinite(error) and not is_significant(value, error):
-            unit = self.units[name]
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
             numbers |= self._share(name, abs(value) + interval_sigmas() * error)
             return Finding("not-distinct-from-zero", "warning", name, numbers)
