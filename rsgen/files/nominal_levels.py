@@ -289,6 +289,10 @@ def _coincide(amount: Array) -> bool:
     return len(amount) > 1 and float(np.ptp(amount)) < _MAX_LEVEL_SPREAD * float(amount.min())
 
 
+_UNIT_OF_LABEL = re.compile(r"[ _-]?([munk]?[NVA]|lbf|[mu]m|g|dB|%)(?![A-Za-z])")
+"""A unit right behind the number of a label, as the volts of a drive."""
+
+
 def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said: bool) -> ResponseSurface:
     """Call levels by what was measured where they are labels; say where nominal levels and forces disagree.
 
@@ -344,9 +348,12 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     if proportional:
         labels |= nearest_factor(numbers["ratio"].value, COMMON_FACTORS)
     numbers |= {"mass": corrected[0].numbers["mass"]} if corrected else {}
+    falls = len(levels) > 2 and bool(np.all(np.diff(typical) < 0))
+    labels |= {"order": "falls"} if falls else {}
     found = [Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)]
-    if test.level.labels and len(levels) > 2 and np.any(levels % 1) and np.all(np.diff(typical) < 0):
-        # whole numbers may count the runs, others are amounts of a drive
+    amounts = np.any(levels % 1) or _UNIT_OF_LABEL.match((test.level.name or "").partition("{level}")[2])
+    if test.level.labels and falls and amounts:
+        # whole numbers may count the runs, others and those with a unit are amounts of a drive
         found += _order_findings(surface, levels, typical, labels=True)
     return replace(renamed, findings=(*surface.findings, *found))
 

@@ -128,7 +128,10 @@ def test_volts_that_nothing_calls_a_level_lead_to_labels(draft):
 ])  # fmt: skip
 def test_labels_in_another_order_than_sheets_or_forces_are_a_doubt(draft, values, sentences):
     """With the labels of four sheets in reverse order another level was held out than was asked for."""
-    found = codes(draft((LEVEL, f"values = {values}")), "levels-swapped")
+    case = draft((LEVEL, f"values = {values}"))
+    found = codes(case, "levels-swapped")
+    falls = ["they fall as the labels rise" in str(one) for one in codes(case, "levels-disagree")]
+    assert falls == [values != "[0.5, 0.25, 1, 1.4]"]
     assert [finding.severity for finding in found] == ["doubt"] * len(sentences)
     assert all(text in str(finding) for finding, text in zip(found, sentences, strict=True))
 

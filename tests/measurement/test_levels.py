@@ -138,6 +138,15 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
     (GRAVITY, {"name": "{level}N.csv"}, [9.81, 29.4], {"levels-disagree": "doubt"}),
     ({"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03], {"levels-disagree": "info"}),
+    # whole numbers may count runs, the highest first; with a unit they are amounts
+    (
+        {"r1.csv": 4, "r2.csv": 3, "r3.csv": 2}, {"name": "r{level}.csv", "unit": "label"}, [2, 3, 4],
+        {"levels-disagree": "info"},
+    ),
+    (
+        {"1V.csv": 4, "2V.csv": 3, "3V.csv": 2}, {"name": "{level}V.csv", "unit": "label"}, [2, 3, 4],
+        {"levels-disagree": "info", "levels-swapped": "doubt"},
+    ),
     # nominal levels 1.7 and 2 times off the force of their files
     (
         {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5}, {"values": (1, 3, 6)}, [1, 3, 3.5],
