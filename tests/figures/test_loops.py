@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
@@ -102,3 +103,25 @@ def test_a_mean_that_was_not_measured_is_said_where_a_law_has_one(law, said):
     seen = rs.ResponseSurface(level, frequency, force, harmonics)
     caption = rs.figures.draw_loops(seen, rs.identify(seen, law)).caption
     assert ("mean displacement was not measured" in caption) is said
+
+
+def test_a_loop_of_dry_friction_does_not_lean():
+    """Between turns the chord joined the upper branch at one end to the lower branch at the other."""
+    values = {"k": 4200.0, "c": 1.1, "Ff": 0.35}
+
+    def slope(_: float, state: np.ndarray) -> list[float]:
+        force = values["k"] * state[0] + values["c"] * state[1] + values["Ff"] * np.tanh(state[1] / 1e-3)
+        return [state[1], -force / 0.8]
+
+    time = np.arange(6000) / 2000
+    motion = solve_ivp(slope, (0, 3), [14e-3, 0], t_eval=time, rtol=1e-8, atol=1e-11).y[0]
+    noise = 2e-6 * np.random.default_rng(2).normal(size=len(time))
+    decay = rs.history.TimeHistory(2000.0, None, motion + noise)
+    seen = rs.history.from_free_decay(decay, mass=0.8)
+    found = rs.identify(seen, "k*x + c*v + Ff*sign(v)")
+    _, panel = rs.figures.draw_loops(seen, found).figure.axes
+    for line in (one for one in panel.get_lines() if len(one.get_xdata()) > 200):
+        x, force = line.get_xdata(), line.get_ydata()
+        middle = np.abs(x) < 0.3 * x.max()
+        lean = np.polyfit(x[middle & (force > 0)], force[middle & (force > 0)], 1)[0] * x.max() / force.max()
+        assert abs(lean) < 0.05

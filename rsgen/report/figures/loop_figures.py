@@ -151,11 +151,16 @@ def _peak_rows(surface: ResponseSurface) -> NDArray[np.intp]:
     return np.array(sorted(set(rows), key=lambda row: surface.amplitude[row]), dtype=np.intp)
 
 
-def _chord(x: Array, force: Array) -> Array:
-    """The straight line through the turning points of a loop."""
-    low, high = int(np.argmin(x)), int(np.argmax(x))
-    slope = (force[high] - force[low]) / (x[high] - x[low])
-    return np.asarray(force[low] + slope * (x - x[low]))
+def _chord(x: Array, force: Array, *, loop: bool = True) -> Array:
+    """Return the straight line through the turning points of a loop, each the mean of both branches.
+
+    The samples next to a turn lie on one branch each; that of the turn, where friction jumps, on either. A
+    line that is no ``loop`` has ends.
+    """
+    beside = np.array([-1, 1]) * loop
+    sides = [(at + beside) % len(x) for at in (int(np.argmin(x)), int(np.argmax(x)))]
+    (left, low), (right, high) = ((x[at].mean(), force[at].mean()) for at in sides)
+    return np.asarray(low + (high - low) / (right - left) * (x - left))
 
 
 @drawing.in_style
@@ -257,7 +262,7 @@ def _loops_caption(
 def _draw_loop(
     axes: Axes, name: str, style: dict[str, Any], place: Array, force: Array, factor: float, chord: bool
 ) -> None:
-    drawn = (force - _chord(place, force) if chord else force) / factor
+    drawn = (force - _chord(place, force, loop=style is not _MEMORYLESS) if chord else force) / factor
     if style is drawing.POINT:
         few = np.unique(np.linspace(0, len(place), _MARKS, endpoint=False).astype(int))
         axes.plot(place[few], drawn[few], label=name or "_", **drawing.POINT)
