@@ -10,6 +10,7 @@ import rsgen
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.dynamics.virtual_test import SimulatedTest, add_noise
 from rsgen.identification.starting.equations import Equations, equation_rows
+from rsgen.identification.starting.search import _Search as Search
 from rsgen.law.element import make_element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
@@ -111,3 +112,16 @@ def test_turning_points_of_free_motion_have_one_energy():
     unknowns = np.array([*(TRUE[law.parameters[i]] for i in law.linear), MASS])
     assert matrix[-2:] @ unknowns == pytest.approx(right[-2:], rel=1e-9)
     assert np.abs(right[-2:]).min() > 1.0
+
+
+def test_a_window_ends_before_the_round_off_of_the_motion():
+    # x + 1e14 m is a sum of steps, along which a stop seems another law than next to x = 0
+    omega, amplitude = 2 * np.pi * np.linspace(15, 26, 23), np.geomspace(1e-4, 5e-3, 23)
+    motion = amplitude[:, None] * [0, 1]
+    force = amplitude * (8224 - 0.5 * omega**2 + 2j * omega)
+    equations = Equations(omega, force, motion.astype(complex), False, np.ones(23), np.zeros((0, 2)))
+    window = Search(
+        equations, compile_law(rsgen.Law("k*x + k_*Max(x - b, 0) + c*v").force), 0.5
+    ).active_values(0)
+    assert 4e-3 < window.max() < 5e-2
+    assert -1e5 < window.min() < -1e-3

@@ -377,6 +377,9 @@ class _Search:
                 # a change of the shape by a tiny step is round-off
                 active[i] |= again is not None and not _differ(shapes[i], again)
         active |= np.concatenate([active[1:], [False]])  # both ends of an active interval
+        if np.isfinite(self.natural[which]):
+            # a sum of the motion and a value far beyond it is the round-off of the motion
+            active &= np.abs(values) * _ROUND_OFF_STEP < self.natural[which]
         return values[active]
 
     def refine(self, start: Array, *, coarse: bool = False) -> tuple[Array, float]:
