@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen
+from rsgen.data.surface.mode_findings import order_findings
 from rsgen.data.surface.plausibility import (
     RANGES,
     Sizes,
@@ -211,3 +212,27 @@ def test_points_at_phase_resonance_are_of_two_modes_beyond_a_gap_of_a_twentieth(
     lower = 20 * np.exp(1e-3 * np.arange(4))
     frequency, amplitude = np.concatenate([lower, lower * np.exp(gap + 3e-3)]), np.full(8, 1e-3)
     assert (backbone_gap(frequency, amplitude) is not None) == (modes == 2)
+
+
+@pytest.mark.parametrize("control", ["force", "response"])
+def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
+    """The law did not fit, and nothing else was said."""
+    levels, frequency = np.array([1.0, 2.0, 4.0]), np.linspace(8, 12, 24)
+    receptance = 1 / (6000 - 1.5 * (2 * np.pi * frequency) ** 2 + 8j * 2 * np.pi * frequency)
+    force = np.outer(levels, np.ones(24)) if control == "force" else 1e-3 * np.outer(levels, 1 / receptance)
+    motion = force * receptance
+    given = levels if control == "force" else 1e-3 * levels
+
+    def named(level, at, *grids):
+        force, motion = (grid.ravel() for grid in grids)
+        found = order_findings(ResponseSurface(level, at, force, motion, control=control))
+        return [finding.names["rows"] for finding in found]
+
+    right = np.repeat(given, 24), np.tile(frequency, 3)
+    swapped = np.tile(given, 24), np.repeat(frequency, 3)
+    assert not named(*right, force, motion)
+    assert not named(*swapped, force.T, motion.T)
+    assert named(*swapped, force, motion) == ["levels"]
+    assert named(right[0], swapped[1], force, motion) == ["frequencies"]
+    surface = ResponseSurface(right[0], swapped[1], force.ravel(), motion.ravel(), control=control)
+    assert "repeat and numpy.tile" in str(rsgen.identify(surface, "k*x + c*v", mass=1.5))

@@ -42,6 +42,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
+from rsgen.data.surface.mode_findings import order_findings
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
@@ -323,11 +324,12 @@ def identify_points(
 
 
 def checked(surface: ResponseSurface) -> ResponseSurface:
-    """Return a test whose base is checked: those of files were when they were read, arrays were not."""
+    """Return a test whose base and rows are checked: those of files were when they were read."""
     if surface.per_mass and surface.base and not is_misread(surface):
         misread = base_findings(surface, absolute=False, senses=False)
         surface = replace(surface, findings=(*surface.findings, *misread))
-    return surface
+    rows = order_findings(surface)
+    return replace(surface, findings=(*surface.findings, *rows)) if rows else surface
 
 
 def _identify(surface: ResponseSurface, model: Model, attained: float, most: int) -> Identification:

@@ -19,6 +19,7 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.free_mode import Kinematics, estimate_mass, fit_mode, hats, steady
+from rsgen.data.record_set import LEVEL_TOLERANCE
 from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points
 from rsgen.data.surface.response_surface import ResponseSurface
 
@@ -165,3 +166,30 @@ def fixed_contradicted(
     if name == "m" and not 1 / _MASS_MISREAD < ratio < _MASS_MISREAD:
         numbers |= quantities(factor=1 / ratio)
     return Finding("fixed-contradicted", "doubt", name, numbers, names)
+
+
+def order_findings(surface: ResponseSurface) -> list[Finding]:
+    """Return a finding if arrays of a grid, levels x frequencies, were flattened in two orders.
+
+    Either each frequency is repeated while levels go one after the other, so that every level has a part of
+    the band only, or both columns go frequency by frequency while the amounts that were held are those of the
+    levels one after the other.
+    """
+    levels, count = list(dict.fromkeys(surface.level.tolist())), len(surface.levels)
+    points = len(surface) // count
+    enough = count >= _MIN_LEVELS and points >= _MIN_POINTS and points * count == len(surface)
+    if not enough or surface.control not in ("force", "response"):
+        return []
+    repeated = np.reshape(surface.frequency, (points, count))
+    if len(np.unique(repeated)) != points or np.any(repeated != repeated[:, :1]):
+        return []
+    inside, found = np.repeat(levels, points), ""
+    if np.array_equal(surface.level, inside):
+        found = "frequencies"
+    elif np.array_equal(surface.level, np.tile(levels, points)) and not surface.base:
+        amount = surface.amplitude if surface.response_held else np.abs(surface.force)
+        off = [np.abs(np.log(np.fmax(amount, 1e-300) / given)) for given in (inside, surface.level)]
+        if np.max(off[0]) < np.log(LEVEL_TOLERANCE) < np.median(off[1]):
+            found = "levels"
+    numbers = quantities(levels=count, points=points)
+    return [Finding("levels-disagree", "doubt", "", numbers, {"rows": found})] if found else []

@@ -157,8 +157,8 @@ def _chord(x: Array, force: Array, *, loop: bool = True) -> Array:
     The samples next to a turn lie on one branch each; that of the turn, where friction jumps, on either. A
     line that is no ``loop`` has ends.
     """
-    beside = np.array([-1, 1]) * loop
-    sides = [(at + beside) % len(x) for at in (int(np.argmin(x)), int(np.argmax(x)))]
+    around = np.array([-1, 1]) * loop
+    sides = [(at + around) % len(x) for at in (int(np.argmin(x)), int(np.argmax(x)))]
     (left, low), (right, high) = ((x[at].mean(), force[at].mean()) for at in sides)
     return np.asarray(low + (high - low) / (right - left) * (x - left))
 
