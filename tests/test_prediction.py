@@ -662,6 +662,26 @@ def test_a_level_asked_for_says_that_doubling_was_not_looked_for(law):
     assert ("only folds were looked for" in sentence(said)) == ("kt" in law)
 
 
+BUCKLED = Oscillator(0.95, "k*x + c*v + k3*x**3 + k5*x**5", {"k": 2.2e4, "c": 3.2, "k3": -2e8, "k5": 7.5e12})
+
+
+@pytest.mark.parametrize(("sweep", "way", "said"), [
+    ("down", "up", "down"), ("up", "", "up"), ("down", "up", "up"), ("rest", "up", "rest")
+])  # fmt: skip
+def test_how_to_reach_a_peak_follows_from_sweep_and_law(sweep: str, way: str, said: str):
+    """A sweep down of a spring that softens, then hardens, was told to start points from those before."""
+    table = simulate(BUCKLED, SimulatedTest([1.0, 3.5], np.linspace(19, 29, 51), sweep=sweep))
+    found = identify(replace(table, sweep=said), BUCKLED.force)
+    named = {finding.code: finding for finding in predict(found).findings}
+    assert ("prediction-extrapolated" in named) == bool(way)
+    assert ("direction-from-branch" in named) == (said != sweep)
+    assert found.resonances[1].reached == (said != "down")
+    if way:
+        assert f"to test them sweep {way}, each point from" in sentence(named["prediction-extrapolated"])
+    if said != sweep:
+        assert f"taken as swept {said}," in sentence(named["direction-from-branch"])
+
+
 def test_levels_asked_of_a_multisine_are_said_to_be_those_of_a_sine():
     oscillator = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 4.0})
     records = simulate(oscillator, MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4))

@@ -85,8 +85,9 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
         jump = near == other and len(run) > 1
         jump = jump and not _passes_smoothly(stiffness[run].real, points.omega[run], near, mass)
         # the side from which a sweep came to the jump is the one without the resonance
-        before = {"up": -1, "down": 1}.get(str(points.sweep[i]), 0)
-        landed = jump and before and amplitude[run[near + before]] < MIN_JUMP_RATIO**-1 * amplitude[i]
+        before = near + {"up": -1, "down": 1}.get(str(points.sweep[i]), 0)
+        across = 0 <= before < len(run) and (stiffness[run[before]].real > 0) != (stiffness[i].real > 0)
+        landed = jump and across
         found.append(
             Resonance(
                 level=float(points.level[i]),

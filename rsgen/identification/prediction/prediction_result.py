@@ -25,6 +25,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.record_set import level_name
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
+from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
 
@@ -101,12 +102,7 @@ class ResonanceCurve(Brief):
 
         The frequency has an extremum along the curve there: a sweep up does not come beyond a largest one.
         """
-        at, size, said = self.frequency, self.amplitude, []
-        for fold, height in sorted(self.folds.tolist()):
-            near = int(np.nanargmin(np.hypot(at / fold - 1, size / height - 1)))
-            around = np.nanmean(at[[max(near - 2, 0), min(near + 2, len(at) - 1)]])
-            said.append(f"{fold:.5g} {'up' if around < fold else 'down'}")
-        return tuple(said)
+        return tuple(f"{fold:.5g} {way}" for fold, _, way in _directed_folds(self))
 
     @property
     def rises_at_end(self) -> bool:
@@ -129,6 +125,32 @@ class ResonanceCurve(Brief):
         parts = [edges[at : at + count + 1] for at, count in zip(*true_runs(outside), strict=True)]
         texts = [f"{part.min():.3g} to {part.max():.3g} Hz" for part in sorted(parts, key=np.min)]
         return {"by": by, "where": " and ".join(texts)}
+
+
+def _directed_folds(curve: ResonanceCurve) -> list[tuple[float, float, str]]:
+    """Return frequency [Hz], ascending, amplitude [m] and direction of the sweep that jumps of every fold."""
+    at, size, found = curve.frequency, curve.amplitude, []
+    for fold, height in sorted(curve.folds.tolist()):
+        near = int(np.nanargmin(np.hypot(at / fold - 1, size / height - 1)))
+        around = np.nanmean(at[[max(near - 2, 0), min(near + 2, len(at) - 1)]])
+        found.append((fold, height, "up" if around < fold else "down"))
+    return found
+
+
+def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -> tuple[Finding, ...]:
+    """Find that a run swept one way leaves the upper branch where a sweep the other way meets it.
+
+    ``top`` is its largest point, and in ``way`` the peak; a jump is known up to a step of the frequency.
+    """
+    frequency = run.omega / (2 * np.pi)
+    beyond = (frequency - frequency[top]) * (1 if way == "up" else -1)
+    step = float(beyond[beyond > 0].min(initial=inf))
+    for fold, height, direction in _directed_folds(curve):
+        near = abs(fold - frequency[top]) <= 2 * step < inf and run.amplitude[top] > height
+        if near and direction != way and set(run.sweep) == {way}:
+            numbers = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(fold, "Hz")}
+            return (Finding("direction-from-branch", "warning", "", numbers, {"by": "jump", "sweep": way}),)
+    return ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -50,6 +50,7 @@ from rsgen.identification.prediction.prediction_result import (
     Prediction,
     ResonanceCurve,
     choose_levels,
+    contradicted_sweep,
     force_changes,
     known_beyond,
     missed_findings,
@@ -291,7 +292,8 @@ def _findings(
 ) -> tuple[Finding, ...]:
     """Find curves without a steady state, or beyond the amplitudes tested, and points not predicted."""
     changing = [item.force for item in (*held_out, *fitted) if item.changes]
-    findings, short, rising = list[Finding](), list[tuple[float, Finding]](), list[dict[str, Quantity]]()
+    findings, rising = list[Finding](), list[dict[str, Quantity]]()
+    short = list[tuple[float, tuple[Finding, ...]]]()
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
         if len(curve.frequency) == 0:
@@ -317,9 +319,10 @@ def _findings(
         findings.append(Finding("prediction-extrapolated", "warning", "", numbers, {"by": "table"}))
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
-    if any(one["peak"] > tested[1] for _, one in short):
-        _, worst = max(short, key=lambda one: (one[1]["peak"] > tested[1], one[0], one[1]["peak"]))
-        findings.append(replace(worst, numbers={**worst.numbers, **quantities(levels=len(short))}))
+    if any(one["peak"] > tested[1] for _, (one, *_) in short):
+        worst, *doubts = max(short, key=lambda of: (of[1][0]["peak"] > tested[1], of[0], of[1][0]["peak"]))[1]
+        worst = replace(worst, numbers={**worst.numbers, **quantities(levels=len(short))})
+        findings += [worst, *doubts]
     if lost := [curve for curve in curves if curve.lost]:
         numbers = {"level": Quantity(lost[-1].level, lost[-1].level_unit), **quantities(levels=len(lost))}
         findings.append(Finding("motion-does-not-last", "warning", "", numbers, lost[-1].lost))
@@ -345,12 +348,13 @@ def _compare_peaks(
     curve: ResonanceCurve,
     run: Points,
     numbers: dict[str, Quantity],
-) -> tuple[float, Finding]:
-    """Return how many times the points of its level a curve peaks, and the finding that they end below it.
+) -> tuple[float, tuple[Finding, ...]]:
+    """Return how many times its points a curve peaks, and the findings that they end below it, and were swept
+    another way than is said.
 
     A curve that rises as it leaves the band peaks beyond it; the ratio is infinite where the law has no peak.
-    Points that are low before that peak lie on the lower branch, as those from rest before the fold do;
-    others leave a gap there, or end before it.
+    Points that are low before that peak lie on the lower branch, as those from rest before the fold do, and
+    those of a sweep from the other side; others leave a gap there, or end before it.
     """
     peak, top = int(np.nanargmax(curve.amplitude)), int(np.argmax(run.amplitude))
     at, height = float(curve.frequency[peak]), float(curve.amplitude[peak])
@@ -369,8 +373,14 @@ def _compare_peaks(
     jumped = np.any(between < HALF_POWER * measured)
     inside = frequency.min() <= at <= frequency.max() and not rises
     names = {"by": "jump" if jumped else "points" if inside else "end", "rises": "yes" if rises else "no"}
+    doubts: tuple[Finding, ...] = ()
+    if jumped:
+        # the upper branch, on which the largest point lies, leads to the peak
+        names["way"] = "up" if at > frequency[top] else "down"
+        doubts = contradicted_sweep(curve, run, top, names["way"])
+        names |= {"swept": "so"} if names["way"] in run.sweep and not doubts else {}
     finding = Finding("prediction-extrapolated", "warning", numbers=numbers | sizes, names=names)
-    return np.inf if rises else height / measured, finding
+    return np.inf if rises else height / measured, (finding, *doubts)
 
 
 def _curve(
