@@ -61,11 +61,15 @@ _INTERVALS_BELOW = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SplineBasis:
-    """B-splines of a given degree, with knots in u = X^power; -X^power if that is negative, ln X if zero."""
+    """B-splines of a given degree, with knots in u = X^power; -X^power if that is negative, ln X if zero.
+
+    They are constant beyond the outer knots, and below the amplitude ``least`` [m].
+    """
 
     knots: Array
     degree: int
     power: int
+    least: float = 0.0
 
     @classmethod
     def over(
@@ -101,13 +105,16 @@ class SplineBasis:
             1 + _AMPLITUDE_MARGIN
         )
 
+    def of_points(self) -> SplineBasis:
+        """Return the functions constant below the points: none holds them in the margin for noise."""
+        return replace(self, least=self.lowest)
+
     def __call__(self, amplitude: Array) -> tuple[Array, Array]:
-        """Return the functions (n, f) at amplitudes [m], and their derivatives by ln X; constant beyond the
-        ends.
-        """
-        u = _coordinate(amplitude, self.power)
+        """Return the functions (n, f) at amplitudes [m], and their derivatives by ln X."""
+        size = np.maximum(amplitude, self.least)
+        u = _coordinate(size, self.power)
         inside = np.clip(u, self.knots[0], self.knots[-1])
-        by_log = np.where(u == inside, self.power * u if self.power else 1.0, 0.0)
+        by_log = np.where((u == inside) & (size == amplitude), self.power * u if self.power else 1.0, 0.0)
         functions, slopes = b_splines(inside, self.knots, self.degree)
         return functions, slopes * by_log[:, None]
 
@@ -356,7 +363,10 @@ class ModalTable(Printed):
             raise RsgenError("modal table: amplitudes must be positive and finite, one row each [m]")
         amplitude.flags.writeable = False
         object.__setattr__(self, "amplitude", amplitude)
-        object.__setattr__(self, "_columns", _tabulate(self.splines, amplitude, self.known))
+        object.__setattr__(self, "_columns", _tabulate(self))
+
+    def __dir__(self) -> list[str]:
+        return sorted({*object.__dir__(self), *self._columns})
 
     def __getattr__(self, name: str) -> Array:
         columns: dict[str, Array] = object.__getattribute__(self, "_columns")
@@ -380,13 +390,20 @@ class ModalTable(Printed):
         return np.asarray(2 * np.pi * self._columns["frequency"])
 
     @property
+    def _beyond(self) -> NDArray[np.bool_]:
+        """(r,) True outside ``tested`` and the points below that determine a background."""
+        ends = min(self.tested[0], self.splines.basis.lowest), self.tested[1]
+        low, high = np.array(ends) * (1 + RELATIVE_CHANGE_NEGLIGIBLE * np.array([-1, 1]))
+        return np.asarray((self.amplitude < low) | (self.amplitude > high))
+
+    @property
     def shown(self) -> tuple[str, ...]:
         """Names of the printed columns: those per mass only if the absolute ones are unknown."""
         absolute = {"stiffness_per_mass": "stiffness", "damping_per_mass": "damping"}
         return tuple(name for name in self.known if absolute.get(name) not in self.known)
 
     def at(self, amplitude: ArrayLike) -> ModalTable:
-        """Return the table at other amplitudes [m], those outside ``tested`` extrapolated as constants.
+        """Return the table at other amplitudes [m]; outside ``tested`` the ends continue without intervals.
 
         Raises
         ------
@@ -417,7 +434,8 @@ class ModalTable(Printed):
             cells = [short(row["amplitude"])]
             for name in shown:
                 half = (row[f"{name}_upper"] - row[f"{name}_lower"]) / 2
-                cells.append(f"{short(row[name], 6)} ± {short(half, 2)}" if isfinite(half) else "")
+                value = short(row[name], 6) if isfinite(row[name]) else ""
+                cells.append(f"{value} ± {short(half, 2)}" if isfinite(half) else value)
             rows.append(tuple(cells))
         heads = ("X [m]", *(f"{name} [{unit or '1'}]" for name, unit in shown.items()))
         mass = "mass not known" if isfinite(self.test.units.kilogram) else "per unit mass"
@@ -426,14 +444,9 @@ class ModalTable(Printed):
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {100 * self.misfit:.2g} %, {mass}"
         notes = list(map(str, self.findings))
-        low, high = self.tested
-        beyond = (self.amplitude < low * (1 - RELATIVE_CHANGE_NEGLIGIBLE)) | (
-            self.amplitude > high * (1 + RELATIVE_CHANGE_NEGLIGIBLE)
-        )
-        if beyond.any():
-            notes.append(
-                f"extrapolated as constants outside {short(low)} to {short(high)} m: nothing is known there"
-            )
+        if self._beyond.any():
+            low, high = map(short, self.tested)
+            notes.append(f"outside {low} to {high} m the end values continue: nothing is known there")
         return TextTable(heads, tuple(rows), caption, tuple(notes))
 
 
@@ -541,9 +554,10 @@ def other_mass(table: ModalTable, law: Iterable[Estimate]) -> list[Finding]:
     return []
 
 
-def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -> dict[str, Array]:
+def _tabulate(table: ModalTable) -> dict[str, Array]:
     """Return the columns and the ends of their intervals, by linear propagation of the errors of k, c, m."""
-    k, c, errors = splines.at(amplitude)
+    splines = table.splines
+    k, c, errors = splines.at(np.minimum(table.amplitude, table.tested[1]))
     m = splines.mass
     one, zero = np.ones(len(k)), np.zeros(len(k))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -562,8 +576,8 @@ def _tabulate(splines: ModalSplines, amplitude: Array, known: tuple[str, ...]) -
     for name, (value, slopes) in values.items():
         slope = np.stack([np.broadcast_to(part, k.shape) for part in slopes], axis=1)
         variance = np.einsum("ni,nij,nj->n", slope, errors, slope)
-        half = wide * np.sqrt(np.maximum(variance, 0.0))
-        value = value if name in known else np.full(len(k), np.nan)
+        half = np.where(table._beyond, np.nan, wide * np.sqrt(np.maximum(variance, 0.0)))
+        value = value if name in table.known else np.full(len(k), np.nan)
         for label, column in (
             (name, value),
             (f"{name}_lower", value - half),

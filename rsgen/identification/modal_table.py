@@ -542,7 +542,7 @@ def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
         found = _fit_values(other)
         values, mass, _ = other.split(found.parameters if found.converged else other.solve()[0])
         exact = np.zeros((len(values) + 1,) * 2)
-        splines.append((weight, ModalSplines(other.basis, other.orders, values, mass, exact, 1)))
+        splines.append((weight, ModalSplines(other.basis.of_points(), other.orders, values, mass, exact, 1)))
     return tuple(splines)
 
 
@@ -577,7 +577,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
         findings += (gap.finding(severity="warning"),)
     kilogram = kilogram if calibrated and not modal.assumed else nan
     splines = ModalSplines(
-        modal.basis, modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
+        modal.basis.of_points(), modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
     )
     levels = modal.seen.levels
     if len(levels):
