@@ -194,6 +194,13 @@ def test_responses_show_the_band_and_the_levels_that_were_asked_for():
     assert ["Shaded" in one.caption for one in (usual, asked, higher)] == [False, True, True]
 
 
+def test_shading_begins_at_the_largest_tested_amplitude_whatever_levels_are_drawn():
+    for levels in ([1.0, 12.0, 18.0], [1.0, 18.0], [18.0]):
+        axes = figures.draw_responses(SURFACE, predict(IDENTIFICATION, levels)).figure.axes[0]
+        begins = max(patch.get_y() for patch in axes.patches if patch.get_y())
+        assert begins == pytest.approx(1e3 * SURFACE.amplitude[SURFACE.settled].max())
+
+
 def test_points_that_no_law_explains_do_not_scale_the_collapse():
     damping = np.array(IDENTIFICATION.curve.damping)
     damping[: len(damping) // 50 + 1] = -40 * C1

@@ -111,7 +111,10 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
             _draw_curve(axes, curve, scale.factor, "0.5", f"{curve.name}, not tested")
             curves.append(curve)
             untested.append(curve)
-    beyond = _limit(axes, shown, scale.factor, prediction.band, curves if prediction.band else untested)
+    tested = surface.select(surface.settled)
+    beyond = _limit(
+        axes, (shown, tested), scale.factor, prediction.band, curves if prediction.band else untested
+    )
     axes.set_xlabel("Frequency [Hz]")
     axes.set_ylabel(scale.label("Amplitude X"))
     handles, labels = axes.get_legend_handles_labels()
@@ -214,16 +217,17 @@ def _forces(surface: ResponseSurface) -> dict[float, float]:
 
 def _limit(
     axes: Axes,
-    shown: ResponseSurface,
+    points: tuple[ResponseSurface, ResponseSurface],
     factor: float,
     band: tuple[float, float] | None,
     curves: Sequence[ResonanceCurve],
 ) -> bool:
-    """Show all points, the band asked for and some curves; shade what lies beyond the points, if anything."""
+    """Show the first points, the band asked for and some curves; shade what lies beyond the second ones."""
+    shown, every = points
     if not len(shown):
         return False
-    low, high = float(shown.frequency.min()), float(shown.frequency.max())
-    margin, tested = 0.02 * (high - low), float(shown.amplitude.max()) / factor
+    low, high = float(every.frequency.min()), float(every.frequency.max())
+    margin, tested = 0.02 * (high - low), float(every.amplitude.max()) / factor
     left, right = (low, high) if band is None else (min(low, band[0]), max(high, band[1]))
     inside = (c.amplitude[(c.frequency >= left) & (c.frequency <= right)] for c in curves)
     highest = max((float(np.max(a, initial=0.0)) / factor for a in inside), default=0.0)
@@ -232,7 +236,7 @@ def _limit(
     if highest > tested:
         axes.axhspan(tested, 1.12 * highest, **_SHADE)
     axes.set_xlim(left - margin, right + margin)
-    axes.set_ylim(0, 1.12 * max(tested, highest))
+    axes.set_ylim(0, 1.12 * max(float(shown.amplitude.max()) / factor, highest))
     return highest > tested or (left, right) != (low, high)
 
 
