@@ -682,6 +682,17 @@ def test_how_to_reach_a_peak_follows_from_sweep_and_law(sweep: str, way: str, sa
         assert f"taken as swept {said}," in sentence(named["direction-from-branch"])
 
 
+def test_a_sweep_that_fell_early_is_to_take_smaller_steps():
+    up, down = (
+        simulate(BUCKLED, SimulatedTest([1.0, 3.5], np.linspace(19, 29, 51), sweep=way))
+        for way in ("up", "down")
+    )
+    fell = np.where((up.frequency < 24.7)[:, None], up.harmonics, down.harmonics)
+    found = identify(replace(up, harmonics=fell), BUCKLED.force)
+    (said,) = predict(found).findings
+    assert "to test them take smaller steps, each point from" in sentence(said)
+
+
 def test_levels_asked_of_a_multisine_are_said_to_be_those_of_a_sine():
     oscillator = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 4.0})
     records = simulate(oscillator, MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4))

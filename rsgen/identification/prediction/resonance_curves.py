@@ -376,9 +376,9 @@ def _compare_peaks(
     doubts: tuple[Finding, ...] = ()
     if jumped:
         # the upper branch, on which the largest point lies, leads to the peak
-        names["way"] = "up" if at > frequency[top] else "down"
-        doubts = contradicted_sweep(curve, run, top, names["way"])
-        names |= {"swept": "so"} if names["way"] in run.sweep and not doubts else {}
+        way = "up" if at > frequency[top] else "down"
+        doubts = contradicted_sweep(curve, run, top, way)
+        names["way"] = "finer" if way in run.sweep and not doubts else way
     finding = Finding("prediction-extrapolated", "warning", numbers=numbers | sizes, names=names)
     return np.inf if rises else height / measured, (finding, *doubts)
 
