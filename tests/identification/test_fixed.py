@@ -48,7 +48,8 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
 
 @pytest.mark.parametrize(("times", "said"), [
     (2.0, "factor of 2, as"), (1000.0, "of 1000, as mm from m, g from kg"), (2.2046, "pounds"),
-    (3.0, "is 3 times the one that the points show"), (39.478, "rad/s read as Hz"), (100.0, "as cm from m"),
+    (3.0, "is 3 times the one that the points show"), (100.0, "as cm from m"),
+    (39.478, "divided by f^2 in place of"), (6.2832, "velocities divided by f"),
     (10.0, "9.81 or 10, as a weight from a mass, g from m/s^2 or cm from mm"), (25.4, "inches from mm"),
     (4.448, "pounds of force"), (1.3, "response; or"),
 ])  # fmt: skip

@@ -24,9 +24,10 @@ from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points
 from rsgen.data.surface.response_surface import ResponseSurface
 
 _FACTORS_OF_MASS = {
-    "pound": 1 / 0.45359237, "pound-force": 4.4482216, "inch": 25.4, "hundred": 100.0, "million": 1e6
+    "pound": 1 / 0.45359237, "pound-force": 4.4482216, "inch": 25.4, "hundred": 100.0, "million": 1e6,
+    "turn": 2 * pi,
 }  # fmt: skip
-"""Further factors by which a mass is wrong if its unit, or that of force or response, is another one."""
+"""Further factors by which a mass is wrong if its unit, or that of another quantity, is misread."""
 
 _SAID = ("another-quantity", "base-misread", "fixed-contradicted", "mass-negative")
 _MIN_LEVELS = 3

@@ -101,12 +101,12 @@ def mass_lines(estimates: Iterable[Any]) -> list[str]:
     given = "m is taken as exact: its error comes on top, 1 % of m moves the linear stiffness by about 1 %"
     free = (
         "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what moves, "
-        f"and give it under [system]; a mass other than m = {short(mass.value, 4)} kg shows a wrong ratio of "
-        "force to response, as of one of them rms and read as peak"
+        f"and give it under [system] (in Python mass=); a mass other than m = {short(mass.value, 4)} kg "
+        "shows a wrong ratio of force to response, as of one of them rms read as peak, or of a missing 2 pi"
     )
     common = (
-        "m does not show a factor that force and response share: where both are rms but read as peak, a "
-        "cubic term is twice too large, friction 1.4 times too small (or the reverse), and linear values stay"
+        "m does not show a factor that force and response share: with rms of both read as peak a cubic term "
+        "is twice too large, a quintic one four times, friction 1.4 times too small; linear values stay"
     )
     nonlinear = any(one.unit not in _OF_LINEAR_TERMS for one in known)
     return [free if mass.standard_error else given, *[common] * nonlinear]
