@@ -314,6 +314,21 @@ def _without_zeros(text: str) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def off_if_rms(unit: str) -> str:
+    """Say by how much a value is off where force and response are root mean squares but read as peak.
+
+    Both are too small by the root of two then, as in another unit of length, which is in that of force, too.
+
+    Examples
+    --------
+    >>> off_if_rms("N/m^3"), off_if_rms("N*s^2/m^2"), off_if_rms("N"), off_if_rms("N/m")
+    ('2 times too large', '1.41 times too large', '1.41 times too small', '')
+    """
+    power = read_unit(unit).dimension.powers.get("m", 0) if unit else 0
+    size = "large" if power < 0 else "small"
+    return f"{number_text(2 ** abs(float(power) / 2), 3)} times too {size}" if power else ""
+
+
 def quantity_text(value: float, unit: str, digits: int = 4) -> str:
     """Print a value with its unit and an engineering prefix.
 

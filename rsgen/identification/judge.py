@@ -106,7 +106,7 @@ from rsgen.identification.soundness import (
     stopped_points,
 )
 from rsgen.identification.starting.start import with_phase
-from rsgen.identification.terms import alternatives_to
+from rsgen.identification.terms import alternatives_to, moves_with_mass
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
 from rsgen.law.motion import Motion
@@ -493,6 +493,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             used=int(used.sum()),
             points=len(surface),
             levels=len(np.unique(points.level)),
+            moves=moves_with_mass(refined),
         ),
         solution=refined.values,
         background=background,

@@ -59,6 +59,7 @@ from rsgen.identification.terms import (
     force_factors_leave,
     free_curves_leave,
     gain_of,
+    largest_move,
     law_with,
     share_left_by,
     simplest_background,
@@ -273,7 +274,8 @@ def _few_points(fit: Fit) -> Problem:
 def _freed(problem: Problem, start: Array, name: str) -> Fit:
     """Fit with a fixed value free, from values that are near."""
     others = {other: value for other, value in problem.fixed.items() if other != name}
-    return fit_near(replace(problem, fixed=others), start, order=START_HARMONICS)
+    # what no step could tell next to a wrong value may be told next to another one
+    return fit_near(replace(problem, fixed=others, frozen=()), start, order=START_HARMONICS)
 
 
 def consequences(fit: Fit, name: str) -> set[str]:
@@ -298,12 +300,9 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
     if not (fit.problem.fixed and fit.regression.rms_misfit > MISFIT_NEGLIGIBLE):
         return []
     problem, names = _few_points(fit), (*fit.problem.law.parameters, "m")
-    start = fit.regression.parameters
-    size, whole = (
-        fit.regression.rms_misfit,
-        fit_near(problem, start, order=START_HARMONICS).regression.rms_misfit,
-    )
-    found = []
+    start, size = fit.regression.parameters, fit.regression.rms_misfit
+    kept = fit_near(problem, start, order=START_HARMONICS).regression
+    whole, found = kept.rms_misfit, []
     for name, given in problem.fixed.items():
         if name == "m" and surface.per_mass:
             continue
@@ -314,13 +313,13 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
         gain = ((whole / best) ** 2 - 1) * free.freedom if best > 0 else np.inf
         moved = float(free.parameters[place]) - given
         times = abs(moved) / float(np.sqrt(free.covariance[place, place]))
-        if (
-            gain > MIN_SIGNIFICANT_GAIN
-            and leaves <= left
-            and times > STANDARD_ERRORS_OF_DIFFERENCE
-            and abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given)
-        ):
-            found.append(fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times))
+        far = abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given)
+        # a small change may move the stiffness of each side by much
+        moves = {} if far else largest_move(kept.parameters, free, names)
+        clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE
+        if clear and leaves <= left and (far or moves):
+            one = fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times)
+            found.append(replace(one, names={**one.names, **moves}))
     return found
 
 

@@ -30,6 +30,8 @@ from rsgen.common.tolerances import (
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     POINTS_PER_KNOT,
+    RELATIVE_ERROR_DOUBTFUL,
+    STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
     is_significant,
@@ -38,9 +40,10 @@ from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
+from rsgen.formula.units import number_text
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
-from rsgen.identification.fitting.least_squares import Rules
+from rsgen.identification.fitting.least_squares import Regression, Rules
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import Agreement, Alternative, alternatives, stands_out
@@ -396,6 +399,34 @@ def even_force_shift(fit: Fit) -> tuple[float, Array]:
     free = free[free != place]
     moved[free] = solve_scaled(rows[:, free], column)[0]
     return float(parameters[place]), np.delete(moved, place)
+
+
+def moves_with_mass(fit: Fit) -> dict[str, float]:
+    """Return by how many per cent values move, to first order, with one per cent of a given mass; or {}.
+
+    With J the slopes by the values and j those by the mass, a mass that is dm larger moves them by
+    -(J^T J)^-1 J^T j dm.
+    """
+    problem, parameters = fit.problem, fit.regression.parameters
+    rows = linearise_extended(fit, problem, parameters)[1].reshape(-1, len(parameters))
+    if "m" not in problem.fixed or not len(rows):
+        return {}
+    moved = -solve_scaled(rows[:, problem.free], rows[:, problem.count - 1] * fit.mass)[0]
+    names = np.array([*problem.law.parameters, "m"])[problem.free[: problem.count]]
+    shares = zip(names.tolist(), moved, parameters[problem.free], strict=False)
+    return {name: float(move / value) for name, move, value in shares if value}
+
+
+def largest_move(kept: Array, freed: Regression, names: Sequence[str]) -> dict[str, str]:
+    """Return as "moves" what moves most where a fixed value is free; {} if by less than a twentieth."""
+    value, error = kept[: len(names)], np.sqrt(np.diag(freed.covariance))[: len(names)]
+    moved = freed.parameters[: len(names)] - value
+    clear = (value != 0) & (np.abs(moved) > STANDARD_ERRORS_OF_DIFFERENCE * error)
+    share = np.divide(moved, value, out=np.zeros(len(names)), where=clear)
+    most = int(np.argmax(np.abs(share)))
+    if abs(share[most]) < RELATIVE_ERROR_DOUBTFUL / 2:
+        return {}
+    return {"moves": f"{names[most]} by {number_text(100 * share[most], 2)} %"}
 
 
 def gain_of(other: Fit, own: Fit) -> float | None:

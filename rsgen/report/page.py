@@ -229,9 +229,7 @@ def _verdict_context(
         "mark": sentences.MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
-        "verdict_table": tables.verdict_table(
-            comparison, mass_lines((*identification, *identification.fixed))
-        ),
+        "verdict_table": tables.verdict_table(comparison, mass_lines(identification, rms=subject.says_rms)),
         "alternative_table": tables.alternative_table(identification),
         "meaning": [
             *describe_elements(subject.elements, identification).items(),

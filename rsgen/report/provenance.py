@@ -28,6 +28,7 @@ import rsgen
 from rsgen.cases.case import Case
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.files.plan import MeasuredTest
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.identification.results import Identification
 from rsgen.law.element import Element
@@ -198,6 +199,12 @@ class Subject:
     truth: Mapping[str, float] | None = None
     printed: Mapping[str, sympy.Expr] = field(default_factory=dict)
     case: Case | None = None
+
+    @property
+    def says_rms(self) -> bool:
+        """True where a case says that amplitudes are root mean squares."""
+        test = None if self.case is None else self.case.test
+        return isinstance(test, MeasuredTest) and any(channel.scale == "rms" for channel in test.sources)
 
     @classmethod
     def of_case(cls, case: Case, identification: Identification) -> Subject:

@@ -35,7 +35,7 @@ from rsgen.formula.printing import write
 from rsgen.formula.units import quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
-from rsgen.identification.results.result import held_out_lines
+from rsgen.identification.results.result import held_out_lines, mass_lines
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.figures import equivalent
 from rsgen.report.page_tables import NO_MODAL, Modal
@@ -181,6 +181,7 @@ def build_result(
         "passed": comparison.passed,
         "verdict": state_verdict(verdict),
         "outcome": sentence(identification.outcome),
+        "mass_notes": mass_lines(identification, rms=subject.says_rms),
         "warnings": list(map(sentence, findings)),
         "findings": [finding.to_dict() for finding in findings],
         "mass": finite_or_none(identification.mass),

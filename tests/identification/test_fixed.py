@@ -14,6 +14,7 @@ from rsgen.data.surface.mode_findings import fixed_contradicted, mode_findings
 from rsgen.formula.reading import parse
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
+from rsgen.identification.results.result import mass_lines
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.sentences import in_order, next_step, state_verdict
@@ -244,3 +245,42 @@ def test_two_levels_alone_accuse_each_other_of_nothing_that_curves_may_leave():
     assert not mode_findings(pair, MASS)
     negative = Finding("mass-negative", "error", "m")
     assert [one.code for one in mode_findings(read, MASS, [negative], False)] == ["levels-swapped"]
+
+
+TWO_SIDES = "Piecewise((k1*x, x > 0), (k2*x, True)) + c1*v + c2*v*abs(v)"
+
+
+@functools.cache
+def two_sides() -> rsgen.ResponseSurface:
+    """Fundamentals of a spring that is softer to one side, whose stiffnesses a mass moves much."""
+    truth = rsgen.Oscillator(0.5, TWO_SIDES, {"k1": 9800.0, "k2": 7000.0, "c1": 1.4, "c2": 9.0})
+    plan = rsgen.SimulatedTest([0.5, 1, 2, 4], np.linspace(15, 26, 56), noise_relative=2.5e-3, seed=1)
+    whole = rsgen.simulate(truth, plan)
+    harmonics = np.full(whole.harmonics.shape, np.nan, dtype=complex)
+    harmonics[:, 1] = whole.harmonics[:, 1]
+    return replace(whole, harmonics=harmonics, peak=np.full(whole.peak.shape, np.nan))
+
+
+def test_what_a_given_mass_moves_is_that_of_the_fit():
+    asked = rsgen.identify(two_sides(), TWO_SIDES, mass=0.5)
+    assert asked.verdict.state == "identified"
+    name, line, common = asked.outcome.names["moves"], *mass_lines(asked)
+    less, more = (rsgen.identify(two_sides(), TWO_SIDES, mass=m)[name].value for m in (0.4995, 0.5005))
+    assert asked.outcome["moves"] == pytest.approx((more - less) / asked[name].value / 2e-3, rel=0.1)
+    assert f"1 % of m moves {name} by about −{-asked.outcome['moves']:.2g} %" in line
+    # of this law both rms read as peak moves the quadratic damper alone
+    assert "read as peak, c2 is 1.41 times too large (or the reverse)" in common
+    assert mass_lines(asked, rms=True) == [line]
+    cubic = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAWS["cubic"][0], mass=MASS)
+    line, common = mass_lines(cubic)
+    assert line.endswith("1 % of m moves the linear stiffness by about 1 %")
+    assert "read as peak, kn is 2 times too large (or the reverse)" in common
+
+
+@pytest.mark.parametrize("mass", [0.4975, 0.504])
+def test_a_mass_that_is_hardly_wrong_is_doubted_where_it_moves_a_value_by_much(mass):
+    asked = rsgen.identify(two_sides(), TWO_SIDES, mass=mass)
+    (said,) = (finding for finding in asked.verdict.decided_by)
+    assert (said.code, said.parameter) == ("fixed-contradicted", "m")
+    assert said["fitted"] == pytest.approx(0.5, rel=2e-3)
+    assert "standard errors; it moves k" in str(said)

@@ -12,6 +12,7 @@ from rsgen.app.study.run_case import identify_case, obtain_table
 from rsgen.cases.loading import load_case
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results.result import held_out_lines, mass_lines
+from rsgen.report.provenance import Subject
 from rsgen.report.result_json import fixed_entry, rows_entry
 from rsgen.report.sentences import sentence, state_verdict
 
@@ -52,7 +53,10 @@ def identify_command(case: OneCase, data: Data = None, json: Json = False) -> in
     # as print(found) shows it; verdict and findings stand around it
     table = identification.table
     law = table.caption.partition("\n")[2]
-    notes = (*table.notes[:1], *mass_lines((*identification, *identification.fixed)))
+    notes = (
+        *table.notes[:1],
+        *mass_lines(identification, rms=Subject.of_case(loaded, identification).says_rms),
+    )
     terminal.print_block("", str(replace(table, caption=law, notes=notes)))
     terminal.print_line(sentence(identification.outcome))
     for line in held_out_lines(identification.held_out, verdict.usable):

@@ -38,7 +38,7 @@ from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.simulation import simulate
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
-from rsgen.identification.results.result import mass_lines, table_of
+from rsgen.identification.results.result import table_of
 from rsgen.report.result_json import Entry
 
 RESULT = "result.json"
@@ -205,7 +205,7 @@ def _finished(case: Case, folder: Path) -> CaseRun:
         values=(
             " + ".join(_in_one_line(element) for element in result["elements"]),
             *str(table_of((*fit.estimates, *fit.background))).split("\n"),
-            *(f"  {line}" for line in (result["outcome"], *mass_lines(fit.estimates))),
+            *(f"  {line}" for line in (result["outcome"], *result.get("mass_notes", ()))),
         ),
         warned=tuple(f"  warning: {text}" for finding, text in said if finding["severity"] == "warning"),
         warnings=severities.count("warning"),

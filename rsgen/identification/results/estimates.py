@@ -167,11 +167,22 @@ def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str,
     return quantities("m", amplitude=amplitude.max()) | quantities(level_unit, level=level.max())
 
 
-def outcome_of(estimates: Sequence[Estimate], misfit: float, **counts: int) -> Finding:
-    """Summarise the numbers of identified and all parameters, ``counts`` of the test, and the misfit."""
+def outcome_of(
+    estimates: Sequence[Estimate], misfit: float, moves: Mapping[str, float] | None = None, **counts: int
+) -> Finding:
+    """Summarise the numbers of identified and all parameters, ``counts`` of the test, and the misfit.
+
+    Of ``moves``, by how many per cent each value moves with one of the mass, the largest is told that is
+    clearly more than one, and more than a standard error.
+    """
     identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
     numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)
-    return Finding("identified", "info", numbers=numbers)
+    error = {e.name: 100 * e.standard_error / abs(e.value) for e in estimates if e.identifiable and e.value}
+    known = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
+    most = max(known, key=lambda name: abs(known[name]), default="")
+    if not most or round(abs(known[most])) <= 1:
+        return Finding("identified", "info", numbers=numbers)
+    return Finding("identified", "info", "", numbers | quantities(moves=known[most]), {"moves": most})
 
 
 def state_background(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Verdict, reach_verdict
+from rsgen.common.finding import Finding, Quantity, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
@@ -23,7 +23,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
-from rsgen.formula.units import WHOLE, ForceUnits
+from rsgen.formula.units import WHOLE, ForceUnits, number_text, off_if_rms
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations
@@ -88,28 +88,26 @@ def table_of(estimates: Iterable[Estimate]) -> TextTable:
     return TextTable(heads, tuple(estimate.cells for estimate in estimates))
 
 
-_OF_LINEAR_TERMS = {"kg", "N/m", "N*s/m", "rad"}
-"""Units of values that a common factor of force and response does not move."""
-
-
-def mass_lines(estimates: Iterable[Any]) -> list[str]:
-    """Return what values owe to the mass, given or identified: lines, none where it has no value in kg."""
-    known = list(estimates)
-    mass = next((one for one in known if one.name == "m" and one.unit == "kg" and one.identifiable), None)
-    if mass is None:
+def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
+    """Return what values owe to a mass in kg, if there is one; ``rms`` where amplitudes are said to be."""
+    mass = found._estimates.get("m")
+    if mass is None or mass.unit != "kg" or not mass.identifiable:
         return []
-    given = "m is taken as exact: its error comes on top, 1 % of m moves the linear stiffness by about 1 %"
+    most = found.outcome.names.get("moves", "the linear stiffness")
+    by = number_text(found.outcome.numbers.get("moves", Quantity(1.0)).value, 2)
+    given = f"m is taken as exact: its error comes on top, 1 % of m moves {most} by about {by} %"
     free = (
         "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what moves, "
         f"and give it under [system] (in Python mass=); a mass other than m = {short(mass.value, 4)} kg "
         "shows a wrong ratio of force to response, as of one of them rms read as peak, or of a missing 2 pi"
     )
+    off = [] if rms else [(one.name, off_if_rms(one.unit)) for one in found if one.identifiable]
+    changed = [f"{name} is {words}" for name, words in off if words]
     common = (
-        "m does not show a factor that force and response share: with rms of both read as peak a cubic term "
-        "is twice too large, a quintic one four times, friction 1.4 times too small; linear values stay"
+        "m does not show a factor that force and response share: where both are rms but read as peak, "
+        f"{', '.join(changed)} (or the reverse), and linear values stay"
     )
-    nonlinear = any(one.unit not in _OF_LINEAR_TERMS for one in known)
-    return [free if mass.standard_error else given, *[common] * nonlinear]
+    return [free if mass.standard_error else given, *[common] * bool(changed)]
 
 
 def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
@@ -514,7 +512,7 @@ class Identification(Printed):
             caption=f"{self.verdict}\n{with_equations(self.model.force)}",
             notes=(
                 tested,
-                *mass_lines((*self, *self.fixed)),
+                *mass_lines(self),
                 *held_out_lines(self.held_out, self.verdict.usable),
                 *map(str, sorted(self.findings, key=lambda finding: finding.severity == "info")),
             ),
