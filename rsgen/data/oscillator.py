@@ -85,7 +85,7 @@ class Observation:
         most=20,
     )
     band: tuple[Edge, Edge] | None = declare(
-        None, 'Lowest and highest frequency used, such as ["40 Hz", "45 Hz"]; all without it.'
+        None, 'Lowest and highest frequency used and predicted, such as ["40 Hz", "45 Hz"]; all without it.'
     )
     calibrated: bool = declare(
         True,

@@ -37,6 +37,7 @@ from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.oscillator import Observation
 from rsgen.data.record_set import MIN_POINTS_OF_RUN
 from rsgen.data.surface.columns import group_forces
+from rsgen.data.surface.mode_findings import order_findings
 from rsgen.data.surface.response_surface import (
     HALF_POWER,
     ResponseSurface,
@@ -478,9 +479,9 @@ def _amplitude_groups(amplitude: Array) -> list[NDArray[np.intp]]:
 
 
 def levels_tested(surface: ResponseSurface) -> ResponseSurface:
-    """Return a test without copies, with levels where each point had a reading of its amplitude for one."""
+    """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
     surface = without_copies(surface)
-    level = surface.level
+    surface, level = replace(surface, findings=(*surface.findings, *order_findings(surface))), surface.level
     if not (surface.response_held and len(surface.levels) == len(surface)):
         return surface
     group = group_forces(level, MAX_LEVEL_SPREAD)
