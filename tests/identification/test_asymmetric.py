@@ -114,15 +114,19 @@ def test_two_gaps_that_the_mirror_image_exchanges_are_known_by_their_mean():
     assert all(step.startswith("Write one name for b1 and b2") for step in steps)
 
 
-def test_stops_on_both_sides_are_found_though_one_has_their_fundamentals_along_sines():
-    """The start was one stop of twice the stiffness, and the fit ended at a misfit of 8 %."""
+@pytest.mark.parametrize("seed", [1, 2])
+def test_stops_on_both_sides_are_found_though_one_has_their_fundamentals_along_sines(seed: int):
+    """The start was one stop of twice the stiffness, and the fit ended at a misfit of 8 %.
+
+    From equal gaps a step did not lead on, so that a stop without a gap was identified, and half the spring.
+    """
     law = "k*x + kg*(Max(x - b1, 0) + Min(x + b2, 0)) + c*v"
     values = {"k": 1.1e4, "kg": 3e4, "b1": 3e-4, "b2": 3e-4, "c": 4.5}
     full = table(law, values, (0.5, 1.2, 2.5, 4.0), 40, 1, (13, 23))
-    found = rsgen.identify(fundamental(noisy(full, 5e-3, 2), force=full.force), law)
+    found = rsgen.identify(fundamental(noisy(full, 5e-3, seed), force=full.force), law)
     assert found.residual < 0.01
     assert found["kg"].value == pytest.approx(3e4, rel=0.02)
-    assert found["b1"].finding["combined"] == pytest.approx(3e-4, rel=0.01)
+    assert (found["b1"].value + found["b2"].value) / 2 == pytest.approx(3e-4, rel=0.01)
 
 
 def test_a_stop_without_a_gap_is_found_though_its_fundamental_is_that_of_a_spring():

@@ -171,7 +171,7 @@ def test_where_fundamentals_alone_lack_a_spring_an_even_one_is_proposed_too():
     )
     # rms read as peak in both leaves the mass right
     assert all("m does not show a factor that force and response share" in str(one) for one in (found, whole))
-    assert "twice too large, a quintic one four times" in str(whole)
+    assert "k3 is 2 times too large" in str(whole)
     assert "under [system] (in Python mass=)" in str(whole)
 
 

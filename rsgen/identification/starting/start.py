@@ -30,6 +30,7 @@ from rsgen.common.tolerances import (
     MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
+    RELATIVE_ERROR_DOUBTFUL,
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
@@ -361,7 +362,11 @@ def _start_on_both_sides(problem: Problem, points: Points, values: Array) -> Ite
         for place in pair:
             near = np.array(values)
             near[list(pair)] = values[place]
-            yield solve_equations(Equations.along(points, law, 1), law, fixed, near)
+            found = solve_equations(Equations.along(points, law, 1), law, fixed, near)
+            # where both are equal a fit has no slope by their difference
+            spread = np.array(found.values)
+            spread[list(pair)] *= 1 + RELATIVE_ERROR_DOUBTFUL * np.array([0.5, -0.5])
+            yield replace(found, values=spread)
 
 
 def _start_with_even_force(problem: Problem, points: Points, found: Solution) -> Iterator[Solution]:
