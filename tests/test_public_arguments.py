@@ -127,6 +127,12 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: rs.rank(s, Model(LAW, fixed={"k": 1.0})), "of what is fixed only the mass"),
     (lambda s, f: rs.identify(s.select(np.arange(3)), LAW), "identification needs at least"),
     (lambda s, f: rs.identify(s, LAW, rs.Observation(hold_out=(5.0,))), "no level 5 N"),
+    (
+        lambda s, f: rs.identify(
+            replace(s, level=s.level + s.frequency / 1e3), LAW, rs.Observation(hold_out=(5.0,))
+        ),
+        "each point has its own; give all of a sweep its nominal one",
+    ),
     (lambda s, f: rs.identify(held_by_friction(), f"{LAW} + F*sign(v)"), "friction holds the mass"),
     (lambda s, f: rs.identify(silent(), LAW), "record 1 of 1: the response is zero"),
     (lambda s, f: rs.ResponseSurface([1 + 1j], [9.0], [1 + 1j], [1j]), r"surface\.level: complex numbers"),

@@ -217,9 +217,10 @@ class Records(ABC):
         for level in asked:
             if self.find_level(level) is None:
                 unit = self.level_unit
-                raise RsgenError(
-                    f"hold_out: no level {level:g} {unit} in the test; it has {self.level_names} {unit}"
-                )
+                has = f"it has {self.level_names} {unit}"
+                if "sweep" in self.columns and MIN_POINTS_OF_RUN < len(self) == len(self.levels):
+                    has = "each point has its own; give all of a sweep its nominal one, as by numpy.repeat"
+                raise RsgenError(f"hold_out: no level {level:g} {unit} in the test; {has}")
         if asked and self.held_out(asked).all():
             raise RsgenError("hold_out: holds every level back; at least one must remain")
 

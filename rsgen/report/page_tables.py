@@ -251,7 +251,7 @@ def held_out_table(
         "Largest error": lambda item: Cell(
             error_text(item.largest_error), f"at {quantity_text(item.largest_at, 'Hz', 5)}"
         ),
-        "Points without prediction": lambda item: str(item.missing),
+        "Points not nearly predicted": lambda item: str(item.missing),
     }
     if law:
         columns["Error of the law at the points predicted"] = lambda item: error_text(_error_at(law, item))

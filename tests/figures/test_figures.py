@@ -54,6 +54,7 @@ def test_a_force_that_varied_along_the_sweep_is_that_of_the_curve_or_said():
     assert line.get_ydata() == pytest.approx(np.abs(item.predicted) * 1e3)
     assert "at the forces of the points" in drawing.caption
     assert "at the forces of the points" not in drawn("held-out")[0].caption
+    assert "points have their own measured ones" in drawn("held-out")[0].caption
     curves = tuple(replace(curve, level=0.95 * curve.level) for curve in PREDICTION.curves)
     surface, near = replace(SURFACE, force=0.95 * SURFACE.force), replace(PREDICTION, curves=curves)
     less = figures.draw_responses(surface, near)

@@ -48,6 +48,7 @@ def test_what_fundamentals_do_not_show_is_said_with_what_it_moves():
     factor = float(said.names["determined"].split(" - ")[1].split("*")[0])
     assert factor == pytest.approx(10 / 9, rel=0.15)
     assert said.names["determined"].endswith("*k2**2/k")
+    assert f"as the points determine only {said.names['determined']}" in sentence(said)
     combined = values["k3"] - factor * k2**2 / TRUE["k"]
     assert found["k3"].interval[0] < combined < found["k3"].interval[1]
     codes = {finding.code for finding in rs.identify(whole, cubic).findings}

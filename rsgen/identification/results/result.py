@@ -119,7 +119,7 @@ def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
         f"held out {one.name}"
         + (f", {one.sweep}" if getattr(one, "sweep", "rest") != "rest" else "")
         + f": predicted with an error of {100 * one.error:.2g} %"
-        + (f", {one.missing} of {len(one.frequency)} points not at all" if getattr(one, "missing", 0) else "")
+        + (f", {one.missing} of {len(one.frequency)} points not nearly" if getattr(one, "missing", 0) else "")
         + _scale_of_error(one, usable)
         for one in held_out
     ]

@@ -298,8 +298,11 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     panels[0].legend(loc="best")
     label_abscissa(panels, ax, "Frequency [Hz]")
     caption = "Levels that identification has not seen: as tested and as the refined model predicts."
-    if not held:
-        caption += " The line at the forces of the points joins what it predicts for each."
+    caption += (
+        " The curve is that of one force, where points have their own measured ones."
+        if held
+        else " The line at the forces of the points joins what it predicts for each."
+    )
     return Drawing("held-out", figure, caption, ax is None)
 
 
