@@ -17,7 +17,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from math import isfinite
+from math import isfinite, nan
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,25 +30,16 @@ from rsgen.common.solvers import b_splines
 from rsgen.common.text_table import MAX_DIGITS, Brief, Printed, TextTable, short
 from rsgen.common.tolerances import (
     MISFIT_EXPLAINED,
-    NOISE_RATIO_BY_CHANCE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     interval_sigmas,
 )
-from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.oscillator import Observation
-from rsgen.data.record_set import MIN_POINTS_OF_RUN
-from rsgen.data.surface.columns import group_forces
-from rsgen.data.surface.mode_findings import order_findings
-from rsgen.data.surface.response_surface import (
-    HALF_POWER,
-    ResponseSurface,
-    within_half_power,
-    without_copies,
-)
+from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.forward import Forward
-from rsgen.identification.fitting.points import Points
+from rsgen.identification.fitting.observed import Observed
+from rsgen.identification.fitting.points import Points, amplitudes_near
 from rsgen.identification.results import Background, Estimate
 
 _AMPLITUDE_MARGIN = 0.02
@@ -58,6 +50,17 @@ MIN_LIKELIHOOD = 1e-3
 
 _INTERVALS_BELOW = 2
 """Intervals below the tested amplitudes, for points that determine the background only."""
+
+_Trial = TypeVar("_Trial")
+
+
+def likely(priced: list[tuple[float, _Trial]]) -> list[tuple[float, _Trial]]:
+    """Return the likely trials with Akaike weights exp(-AIC/2) of sum one."""
+    least = min(price for price, _ in priced)
+    likely = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
+    likely = [entry for entry in likely if entry[0] > MIN_LIKELIHOOD]
+    whole = sum(weight for weight, _ in likely)
+    return [(weight / whole, trial) for weight, trial in likely]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,6 +154,38 @@ class SplineMode(Forward):
         return Response.at_amplitude(size, force, growth, size[:, None] * by)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ModePoints:
+    """The points as observed, the same without a first background, and the amplitudes near resonance [m].
+
+    ``first`` has the mass of the polynomial law with which the first background was found, its standard
+    error [kg], and the misfit of this law; NaN without a background. ``held`` (n,) has the amplitudes [m]
+    that the levels held, those that hardly differ as one; NaN where one of them varied.
+    """
+
+    observed: Observed
+    mode: Points
+    background: Array
+    tested: tuple[float, float]
+    held: Array
+    first: tuple[float, float, float] = (nan, nan, nan)
+
+    def select(self, rows: NDArray[np.intp]) -> ModePoints:
+        """Keep some points."""
+        observed, mode = self.observed.select(rows), self.mode.select(rows)
+        return replace(self, observed=observed, mode=mode, held=self.held[rows])
+
+    @property
+    def levels(self) -> Array:
+        """Amplitudes (l,) [m] that were held; none where they varied."""
+        return np.unique(self.held[np.isfinite(self.held)])
+
+    @property
+    def near(self) -> Array:
+        """Amplitudes [m] of the points near resonance, ascending."""
+        return amplitudes_near(self.mode)
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ModalSplines(Brief):
     """Fitted splines of k [N/m] and of the damping, the mass m [kg], and their covariance.
@@ -213,6 +248,11 @@ class ModalSplines(Brief):
             difference = np.nan_to_num(np.stack([k_other - k, c_other - c, mass], axis=1))
             errors = errors + weight * difference[:, :, None] * difference[:, None, :]
         return k, c, errors
+
+    def damped(self, amplitude: Array) -> bool:
+        """Return True if no interval of c at resonance contains zero at some amplitudes (n,) [m]."""
+        _, c, errors = self.at(amplitude)
+        return bool(np.all(interval_sigmas(self.freedom) * np.sqrt(errors[:, 1, 1]) < c))
 
     def _evaluate(self, amplitude: Array) -> tuple[Array, Array, Array]:
         """Return k, c of this shape alone, and their covariance by noise."""
@@ -454,83 +494,42 @@ class ModalTable(Printed):
 _TABLE_ROWS = 21
 
 
-def table_amplitudes(tested: tuple[float, float], held: Sequence[float] | Array = ()) -> Array:
-    """Return held amplitudes between two [m]; where none is held, some of equal ratio, of equal ones one."""
+def table_amplitudes(
+    tested: tuple[float, float], held: Sequence[float] | Array = (), gaps: Iterable[Array] = ()
+) -> Array:
+    """Return held amplitudes between two [m]; where none is held, some of equal ratio, of equal ones one.
+
+    Those within a gap are replaced by its ends.
+    """
     held = np.asarray(held)
     if len(held):
         return held[(held >= tested[0]) & (held <= tested[1])]
-    return np.geomspace(*tested, _TABLE_ROWS) if tested[1] > tested[0] else np.array(tested[:1])
+    rows = np.geomspace(*tested, _TABLE_ROWS) if tested[1] > tested[0] else np.array(tested[:1])
+    for low, high in gaps:
+        inside = (rows > low) & (rows < high)
+        rows[inside] = np.where(rows[inside] ** 2 < low * high, low, high)
+    return np.unique(rows)
 
 
-_AMPLITUDE_TOLERANCE = 0.05
-"""Amplitudes that differ by less, relatively, count as one: a coefficient needs an amplitude of its own."""
-
-
-def count_amplitudes(amplitude: Array) -> int:
-    """Count different amplitudes [m]: few in a test with response control."""
-    parts = (np.log(amplitude[rows]) for rows in _amplitude_groups(amplitude))
-    return sum(max(1, round((part[-1] - part[0]) / _AMPLITUDE_TOLERANCE)) for part in parts)
-
-
-def _amplitude_groups(amplitude: Array) -> list[NDArray[np.intp]]:
-    """Return rows of amplitudes [m] in ascending order, parted where these differ."""
-    order = np.argsort(amplitude)
-    return np.split(order, np.flatnonzero(np.diff(np.log(amplitude[order])) > _AMPLITUDE_TOLERANCE) + 1)
-
-
-def levels_tested(surface: ResponseSurface) -> ResponseSurface:
-    """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
-    surface = without_copies(surface)
-    surface, level = replace(surface, findings=(*surface.findings, *order_findings(surface))), surface.level
-    if not (surface.response_held and len(surface.levels) == len(surface)):
-        return surface
-    group = group_forces(level, MAX_LEVEL_SPREAD)
-    runs = [level[group == number] for number in np.unique(group)]
-    if any(len(run) < MIN_POINTS_OF_RUN or run.max() > (1 + MAX_LEVEL_SPREAD) * run.min() for run in runs):
-        return surface
-    numbers = quantities(points=len(surface), levels=len(runs))
-    said = Finding("levels-disagree", "warning", "", numbers, {"by": "amplitude"})
-    middle = np.array([np.median(run) for run in runs])[group]
-    return replace(surface, level=middle, findings=(*surface.findings, said))
-
-
-def held_amplitudes(mode: Points) -> Array:
-    """Amplitude (n,) [m] that each level held, one number for those that hardly differ; NaN if one varied."""
-    held = mode.held(_AMPLITUDE_TOLERANCE)
-    if np.isnan(held).any():
-        return np.full(len(held), np.nan)
-    for rows in _amplitude_groups(held):
-        held[rows] = np.mean(held[rows])
-    return held
-
-
-def harmonics_error(points: Points, noise: float) -> float:
-    """Relative error of the mass that one harmonic leaves: the kinetic energy of the others, as measured.
-
-    Higher harmonics follow the fundamental as n_h/(m h^2 omega^2), so that they add to k what falls with
-    omega^2, as more mass would; of a force proportional to X it is the sum of (h^2 - 1) |X_h|^2/X^2.
-    Harmonics no larger than the relative noise of real and imaginary part do not count.
+def gaps_between(size: Array, held_out: Array) -> Array:
+    """Return the ends (g, 2) [m] of gaps between ascending amplitudes, wider than one level is, that have
+    some of those ``held_out`` in them.
     """
-    orders = np.arange(2, points.harmonics.shape[1])
-    squares = np.abs(points.harmonics[:, 2:]) ** 2 / points.amplitude[:, None] ** 2
-    seen = np.mean(squares, axis=0) > 2 * (NOISE_RATIO_BY_CHANCE * noise) ** 2
-    return float(np.sqrt(np.mean((squares[:, seen] @ orders[seen] ** 2) ** 2)))
+    above = np.unique(np.searchsorted(size, held_out))
+    above = above[(above > 0) & (above < len(size))]
+    ends = np.stack([size[above - 1], size[above]], axis=1)
+    return np.asarray(ends[ends[:, 1] * HALF_POWER > ends[:, 0]])
 
 
-def holes(mode: Points, held: Array, held_out: Array) -> tuple[Finding, ...]:
-    """Find amplitudes that the table only interpolates: between those held (l,) [m], or of levels held out.
-
-    ``held_out`` has the amplitudes of the latter near resonance. None or one, the widest.
+def holes(held: Array, gaps: Array) -> tuple[Finding, ...]:
+    """Find amplitudes that the table only interpolates: between those held (l,) [m], or in ``gaps`` (g, 2)
+    that levels held out have left. None or one, the widest.
     """
-    near = mode.select(within_half_power(mode.force, mode.harmonics[:, 1]))
-    size = held if len(held) else np.sort(near.amplitude)
-    ratio = size[1:] / size[:-1]
-    if not len(held):
-        ratio[~np.isin(np.arange(1, len(size)), np.searchsorted(size, held_out))] = 1.0
-    if not (len(ratio) and ratio.max() * HALF_POWER > 1):
+    ends = gaps_between(held, np.sqrt(held[1:] * held[:-1])) if len(held) else gaps
+    if not len(ends):
         return ()
-    low = int(np.argmax(ratio))
-    numbers = quantities("m", low=size[low], high=size[low + 1])
+    low, high = ends[np.argmax(ends[:, 1] / ends[:, 0])]
+    numbers = quantities("m", low=low, high=high)
     if len(held):
         return (Finding("modal-hole", "info", "", numbers, {"by": "held"}),)
     return (Finding("modal-hole", "warning", "", numbers),)

@@ -49,9 +49,13 @@ from rsgen.identification.fitting.points import (
     LAG_ERROR,
     MIN_POINTS,
     Points,
+    amplitudes_near,
     assumed_mass,
     at_resonance_alone,
+    count_amplitudes,
     gap_of,
+    held_amplitudes,
+    levels_tested,
     loop_error,
     mass_sure,
     near_resonance,
@@ -60,18 +64,16 @@ from rsgen.identification.fitting.points import (
 )
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.identification.modal_result import (
-    MIN_LIKELIHOOD,
     ModalSplines,
     ModalTable,
     ModalTest,
+    ModePoints,
     SplineBasis,
     SplineMode,
-    count_amplitudes,
-    harmonics_error,
-    held_amplitudes,
+    gaps_between,
     holes,
     known_columns,
-    levels_tested,
+    likely,
     scattered,
     table_amplitudes,
 )
@@ -106,33 +108,6 @@ _MIN_POINTS_A_COEFFICIENT = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ModePoints:
-    """The points as observed, the same without a first background, and the amplitudes near resonance [m].
-
-    ``first`` has the mass of the polynomial law with which the first background was found, its standard
-    error [kg], and the misfit of this law; NaN without a background. ``held`` (n,) has the amplitudes [m]
-    that the levels held, those that hardly differ as one; NaN where one of them varied.
-    """
-
-    observed: Observed
-    mode: Points
-    background: Array
-    tested: tuple[float, float]
-    held: Array
-    first: tuple[float, float, float] = (nan, nan, nan)
-
-    def select(self, rows: NDArray[np.intp]) -> ModePoints:
-        """Keep some points."""
-        observed, mode = self.observed.select(rows), self.mode.select(rows)
-        return replace(self, observed=observed, mode=mode, held=self.held[rows])
-
-    @property
-    def levels(self) -> Array:
-        """Amplitudes (l,) [m] that were held; none where they varied."""
-        return np.unique(self.held[np.isfinite(self.held)])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class ModeProblem:
     """A least-squares problem: parameters are the coefficients of the splines, the mass, the background.
 
@@ -149,7 +124,7 @@ class ModeProblem:
     mass_error
         Standard error [kg] of a mass that is held because a background hides it; zero for others.
     others
-        Other shapes, and other orders, that fit as well, with their weights.
+        Splines of other shapes, and other orders, that fit as well, with their weights.
     """
 
     seen: ModePoints
@@ -158,7 +133,7 @@ class ModeProblem:
     mass: float
     assumed: bool = False
     mass_error: float = 0.0
-    others: tuple[tuple[float, ModeProblem], ...] = ()
+    others: tuple[tuple[float, ModalSplines], ...] = ()
 
     @property
     def observed(self) -> Observed:
@@ -219,7 +194,9 @@ class ModeProblem:
 def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     """Choose the shape of the splines and the orders of the damping, each by AIC given the other.
 
-    The orders are then chosen again with noise on both sides. The approximation error of the chosen splines
+    The orders are then chosen again with noise on both sides. With points on one side of the resonance alone
+    each order of a sum goes on to it as the shape likes: no sum counts whose shapes leave c there unknown,
+    with an interval that contains zero. The approximation error of the chosen splines
     may be as large as the noise, and intervals would not contain it; so the next richer ones are fitted. With
     a background the simplest ones by BIC are fitted.
     """
@@ -251,12 +228,17 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     if len(seen.background):
         return trial(seen, shape, orders)
     # the noise of the response biases the linear solution by more than the orders differ
-    likely = _likely([(_weighted_price(one), one) for one in (trial(some, shape, o) for o in trials)])
-    orders = max(likely, key=lambda entry: entry[0])[1].orders
-    chosen = trial(seen, _next_shape(shape, allowed), orders)
-    others = [] if len(seen.levels) else _averaged_shapes([trial(some, one, orders) for one in shapes])
-    others += [entry for entry in likely if entry[1].orders != orders]
-    return replace(chosen, others=tuple((weight, replace(other, seen=seen)) for weight, other in others))
+    priced = [(_weighted_price(one), one) for one in (trial(some, shape, o) for o in trials)]
+    priced.sort(key=lambda entry: entry[0])
+    others: tuple[tuple[float, ModalSplines], ...] = ()
+    for place, (_, best) in enumerate(priced):
+        orders = best.orders
+        if not len(seen.levels):
+            others = _fit_shapes(seen, _averaged_shapes([trial(some, one, orders) for one in shapes]))
+        if len(orders) == 1 or not others or replace(others[0][1], others=others).damped(seen.near):
+            others += _fit_shapes(seen, [one for one in likely(priced[place:]) if one[1].orders != orders])
+            break
+    return replace(trial(seen, _next_shape(shape, allowed), orders), others=others)
 
 
 def _weighted_price(trial: ModeProblem) -> float:
@@ -264,15 +246,6 @@ def _weighted_price(trial: ModeProblem) -> float:
     found = _fit_values(trial)
     used = int(np.count_nonzero(trial.free))
     return trial.price(found.sigma**2 * found.freedom / (found.freedom + used), used)
-
-
-def _likely(priced: list[tuple[float, ModeProblem]]) -> list[tuple[float, ModeProblem]]:
-    """Return the likely trials with Akaike weights exp(-AIC/2) of sum one."""
-    least = min(price for price, _ in priced)
-    likely = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
-    likely = [entry for entry in likely if entry[0] > MIN_LIKELIHOOD]
-    whole = sum(weight for weight, _ in likely)
-    return [(weight / whole, trial) for weight, trial in likely]
 
 
 def _averaged_shapes(trials: list[ModeProblem]) -> list[tuple[float, ModeProblem]]:
@@ -283,9 +256,25 @@ def _averaged_shapes(trials: list[ModeProblem]) -> list[tuple[float, ModeProblem
     priced = [(trial.solve()[1], trial) for trial in trials]
     best = min(priced, key=lambda entry: entry[0])[1]
     if best.basis.degree < _CURVED_DEGREE:
-        return _likely(priced)
+        return likely(priced)
     of_power = [[entry for entry in priced if entry[1].basis.power == power] for power in _POWERS]
     return [(1 / len(of_power), min(entries, key=lambda entry: entry[0])[1]) for entries in of_power]
+
+
+def _fit_shapes(
+    seen: ModePoints, trials: list[tuple[float, ModeProblem]]
+) -> tuple[tuple[float, ModalSplines], ...]:
+    """Fit weighted shapes to all points; return them as splines without errors of their own.
+
+    Each is fitted with noise on both sides, as the chosen one: noise of the response biases k, m and c of a
+    linear balance, by far more than the shapes differ. Of a fit that does not settle the linear one counts.
+    """
+    splines = []
+    for weight, trial in trials:
+        other = replace(trial, seen=seen)
+        found = _fit_values(other)
+        splines.append((weight, _splines(other, found.parameters if found.converged else other.solve()[0])))
+    return tuple(splines)
 
 
 def _next_shape(shape: tuple[int, int, int], allowed: list[tuple[int, int]]) -> tuple[int, int, int]:
@@ -525,38 +514,34 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
     )
 
 
-def _held_out(surface: ResponseSurface, model: Model) -> Array:
-    """Return the amplitudes [m] near resonance of the levels held out."""
-    out = surface.select(np.flatnonzero(surface.held_out(model.observation.hold_out) & surface.settled))
-    return out.amplitude[within_half_power(out.force, out.harmonics[:, 1])]
+def _splines(modal: ModeProblem, parameters: Array, covariance: Array | None = None) -> ModalSplines:
+    """Return the splines of some parameters, without errors of their own where none are given."""
+    values, mass, _ = modal.split(parameters)
+    errors = np.zeros((modal.count,) * 2) if covariance is None else covariance
+    return ModalSplines(modal.basis.of_points(), modal.orders, values, mass, errors, 2 * len(modal.seen.mode))
 
 
-def _other_shapes(modal: ModeProblem) -> tuple[tuple[float, ModalSplines], ...]:
-    """Return the shapes that fit as well, as splines without errors of their own.
+def _moved_by_harmonics(modal: ModeProblem, found: Regression) -> Array:
+    """Return how the harmonics that one sine neglects move coefficients and mass, a standard error of them.
 
-    Each is fitted with noise on both sides, as the chosen one: noise of the response biases k, m and c of a
-    linear balance, by far more than the shapes differ. Of a fit that does not settle the linear one counts.
+    They change stiffness and a fitted mass by one factor, and no frequency. With a given mass they change
+    k - m omega^2 of points off resonance by that factor: at resonance k is m omega^2.
     """
-    splines = []
-    for weight, other in modal.others:
-        found = _fit_values(other)
-        values, mass, _ = other.split(found.parameters if found.converged else other.solve()[0])
-        exact = np.zeros((len(values) + 1,) * 2)
-        splines.append((weight, ModalSplines(other.basis.of_points(), other.orders, values, mass, exact, 1)))
-    return tuple(splines)
+    share = modal.observed.points.harmonics_share(found.sigma)
+    moved, place, mode = np.zeros(modal.count), modal.coefficients, modal.seen.mode
+    if modal.free[place] or modal.mass_error:
+        together = [*range(modal.basis.count), place]
+        moved[together] = float(np.sqrt(np.mean(share**2))) * found.parameters[together]
+    elif share.any() and not modal.assumed:
+        response = mode.harmonics[:, 1]
+        other = replace(mode, force=mode.force + share * (mode.force / response).real * response)
+        moved = replace(modal, seen=replace(modal.seen, mode=other)).solve()[0] - modal.solve()[0]
+    return moved
 
 
 def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, model: Model) -> ModalTable:
     """Evaluate the splines at amplitudes of equal ratio; state the quantities that they do not determine."""
-    tested = modal.seen.tested
-    values, mass, _ = modal.split(found.parameters)
-    # neglected harmonics change stiffness and a fitted mass by one factor, and no frequency
-    together = np.zeros(modal.count)
-    together[: modal.basis.count], together[-1] = values[: modal.basis.count], mass
-    together *= (modal.free[modal.coefficients] or modal.mass_error > 0) * harmonics_error(
-        modal.observed.points, found.sigma
-    )
-    covariance = found.covariance[: modal.count, : modal.count] + np.outer(together, together)
+    mass, moved = float(found.parameters[modal.coefficients]), _moved_by_harmonics(modal, found)
     findings: tuple[Finding, ...] = ()
     if modal.assumed:
         numbers = quantities(points=len(modal.seen.mode))
@@ -571,22 +556,24 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     misfit = found.rms_misfit
     test = _modal_test(modal, found, surface, model)
     findings += () if test.background is None else test.background.findings
-    findings += scattered(misfit) + holes(modal.seen.mode, modal.seen.levels, _held_out(surface, model))
+    out = np.flatnonzero(surface.held_out(model.observation.hold_out) & surface.settled)
+    gaps = gaps_between(modal.seen.near, amplitudes_near(surface.select(out)))
+    findings += scattered(misfit) + holes(modal.seen.levels, gaps)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap.finding(severity="warning"),)
     kilogram = kilogram if calibrated and not modal.assumed else nan
-    splines = ModalSplines(
-        modal.basis.of_points(), modal.orders, values, mass, covariance, found.freedom, _other_shapes(modal)
-    )
+    covariance = found.covariance[: modal.count, : modal.count] + np.outer(moved, moved)
+    splines = _splines(modal, found.parameters, covariance)
+    splines = replace(splines, freedom=found.freedom, others=modal.others)
     levels = modal.seen.levels
     if len(levels):
         splines = splines.through(levels)
     return ModalTable(
-        amplitude=table_amplitudes(tested, levels),
+        amplitude=table_amplitudes(modal.seen.tested, levels, gaps),
         splines=splines,
         known=known,
-        tested=tested,
+        tested=modal.seen.tested,
         mass=mass * kilogram,
         mass_error=splines.mass_error * kilogram,
         misfit=misfit,

@@ -16,12 +16,22 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, take_rows
 from rsgen.common.errors import RsgenError
-from rsgen.common.tolerances import ASSUMED_RELATIVE_NOISE, ROUND_OFF, STANDARD_ERRORS_OF_DIFFERENCE
+from rsgen.common.finding import Finding, quantities
+from rsgen.common.tolerances import (
+    ASSUMED_RELATIVE_NOISE,
+    NOISE_RATIO_BY_CHANCE,
+    ROUND_OFF,
+    STANDARD_ERRORS_OF_DIFFERENCE,
+)
 from rsgen.data.history.envelope import NOISE_OF_SLOPE
+from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
+from rsgen.data.record_set import MIN_POINTS_OF_RUN
+from rsgen.data.surface.columns import group_forces
+from rsgen.data.surface.mode_findings import order_findings
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
-from rsgen.data.surface.response_surface import Outcome, ResponseSurface
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within_half_power, without_copies
 from rsgen.law.motion import Motion, feeds_exciter
 
 Test = TypeVar("Test", ResponseSurface, MultisineSpectra)
@@ -192,6 +202,18 @@ class Points:
         pairs = self.neighbours
         return pairs[counted[pairs].all(axis=1)]
 
+    def harmonics_share(self, noise: float) -> Array:
+        """Relative error (n,) of the mass that one harmonic leaves: the kinetic energy of the others.
+
+        Higher harmonics follow the fundamental as n_h/(m h^2 omega^2), so that they add to k what falls with
+        omega^2, as more mass would; of a force proportional to X it is the sum of (h^2 - 1) |X_h|^2/X^2.
+        Harmonics no larger than the relative noise of real and imaginary part do not count.
+        """
+        orders = np.arange(2, self.harmonics.shape[1])
+        squares = np.abs(self.harmonics[:, 2:]) ** 2 / self.amplitude[:, None] ** 2
+        seen = np.mean(squares, axis=0) > 2 * (NOISE_RATIO_BY_CHANCE * noise) ** 2
+        return np.asarray(squares[:, seen] @ orders[seen] ** 2)
+
     def select(self, chosen: Chosen) -> Points:
         """Keep some points."""
         return take_rows(self, chosen)
@@ -340,6 +362,56 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         surface.phase_known,
         surface.overlapping,
     )
+
+
+# ----------------------------------------------------------------------------
+# Amplitudes that points have.
+
+_AMPLITUDE_TOLERANCE = 0.05
+"""Amplitudes that differ by less, relatively, count as one: a coefficient needs an amplitude of its own."""
+
+
+def count_amplitudes(amplitude: Array) -> int:
+    """Count different amplitudes [m]: few in a test with response control."""
+    parts = (np.log(amplitude[rows]) for rows in _amplitude_groups(amplitude))
+    return sum(max(1, round((part[-1] - part[0]) / _AMPLITUDE_TOLERANCE)) for part in parts)
+
+
+def _amplitude_groups(amplitude: Array) -> list[NDArray[np.intp]]:
+    """Return rows of amplitudes [m] in ascending order, parted where these differ."""
+    order = np.argsort(amplitude)
+    return np.split(order, np.flatnonzero(np.diff(np.log(amplitude[order])) > _AMPLITUDE_TOLERANCE) + 1)
+
+
+def held_amplitudes(mode: Points) -> Array:
+    """Amplitude (n,) [m] that each level held, one number for those that hardly differ; NaN if one varied."""
+    held = mode.held(_AMPLITUDE_TOLERANCE)
+    if np.isnan(held).any():
+        return np.full(len(held), np.nan)
+    for rows in _amplitude_groups(held):
+        held[rows] = np.mean(held[rows])
+    return held
+
+
+def levels_tested(surface: ResponseSurface) -> ResponseSurface:
+    """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
+    surface = without_copies(surface)
+    surface, level = replace(surface, findings=(*surface.findings, *order_findings(surface))), surface.level
+    if not (surface.response_held and len(surface.levels) == len(surface)):
+        return surface
+    group = group_forces(level, MAX_LEVEL_SPREAD)
+    runs = [level[group == number] for number in np.unique(group)]
+    if any(len(run) < MIN_POINTS_OF_RUN or run.max() > (1 + MAX_LEVEL_SPREAD) * run.min() for run in runs):
+        return surface
+    numbers = quantities(points=len(surface), levels=len(runs))
+    said = Finding("levels-disagree", "warning", "", numbers, {"by": "amplitude"})
+    middle = np.array([np.median(run) for run in runs])[group]
+    return replace(surface, level=middle, findings=(*surface.findings, said))
+
+
+def amplitudes_near(points: Points | ResponseSurface) -> Array:
+    """Return the amplitudes [m] of the points near resonance, ascending."""
+    return np.sort(points.amplitude[within_half_power(points.force, points.harmonics[:, 1])])
 
 
 # ----------------------------------------------------------------------------
