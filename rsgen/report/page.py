@@ -40,7 +40,12 @@ from rsgen.law.numeric import compile_law
 from rsgen.report import page_tables as tables
 from rsgen.report import sentences
 from rsgen.report.figures import Drawing
-from rsgen.report.figures.equivalent import evaluated, share_along, smooth_backbone
+from rsgen.report.figures.equivalent import (
+    backbone_with_harmonics,
+    evaluated,
+    share_along,
+    smooth_backbone,
+)
 from rsgen.report.page_tables import NO_MODAL, Modal, harmonics_matter
 from rsgen.report.provenance import Subject, page_environment
 from rsgen.report.result_json import Entry, read_results
@@ -232,7 +237,7 @@ def _verdict_context(
         "verdict_table": tables.verdict_table(comparison, mass_lines(identification, rms=subject.says_rms)),
         "alternative_table": tables.alternative_table(identification),
         "meaning": [
-            *describe_elements(subject.elements, identification).items(),
+            *describe_elements(subject.elements, identification, modal).items(),
             *(("resonance", sentence(course)) for course in resonance_course(identification, modal)),
         ],
         "warnings": warnings,
@@ -243,7 +248,9 @@ def _verdict_context(
     }
 
 
-def element_finding(element: Element, identification: Identification) -> Finding | None:
+def element_finding(
+    element: Element, identification: Identification, modal: Modal = NO_MODAL
+) -> Finding | None:
     """Find what an identified spring or damper does over the tested amplitudes; None where nothing is known.
 
     Parameters
@@ -252,6 +259,8 @@ def element_finding(element: Element, identification: Identification) -> Finding
         One of the model's elements.
     identification
         Gives the values and the tested range; parameters that are not identifiable are named.
+    modal
+        Gives the amplitudes near resonance, where there is a table.
     """
     identifiable = {estimate.name: estimate.identifiable for estimate in identification.refined}
     unknown = [name for name in element.parameters if not identifiable.get(name, True)]
@@ -264,7 +273,7 @@ def element_finding(element: Element, identification: Identification) -> Finding
         own = np.isfinite([values[name] for name in element.parameters]).all()
         if unknown or not own or element.force.has(symbol("x")):
             return course if unknown else None
-    numbers, states = _course(element, identification, values)
+    numbers, states = _course(element, identification, values, modal)
     if not unknown and not element.across:
         numbers |= _sides(element, identification, values)
         if any(found.code == "mirror-image-fits" for found in identification.findings):
@@ -292,13 +301,8 @@ def _sides(element: Element, identification: Identification, values: dict[str, f
 
 
 def resonance_course(identification: Identification, modal: Modal = NO_MODAL) -> list[Finding]:
-    """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none.
-
-    The ends are those of the modal table where there is one: off resonance smaller motions say little of it.
-    """
-    rows = identification.amplitude_range if modal.table is None else modal.table.amplitude
-    ends = np.array([np.min(rows), np.max(rows)])
-    found = _resonance(identification, ends)
+    """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none."""
+    ends, found = _resonance(identification, modal)
     if found is None:
         return []
     numbers = quantities("m", amplitude_first=ends[0], amplitude_last=ends[1])
@@ -311,24 +315,30 @@ def resonance_course(identification: Identification, modal: Modal = NO_MODAL) ->
     return [Finding("resonance-course", "info", numbers=numbers, names=order | beyond)]
 
 
-def _resonance(identification: Identification, ends: Array) -> Any:
-    """Return the backbone of the law at amplitudes (2,) [m]; None where it is not known."""
-    if any(element.across for element in identification.model.elements):
-        return None
-    found = smooth_backbone(identification, ends)
-    return found if np.isfinite([found.omega, found.damping_ratio]).all() else None
+def _resonance(identification: Identification, modal: Modal) -> tuple[Array, Any]:
+    """Return the ends (2,) [m] of the tested amplitudes, and the backbone there; None where it is not known.
+
+    The ends are those of the modal table where there is one: off resonance smaller motions say little of it,
+    and a law that jumps may hold the mass there.
+    """
+    rows = identification.amplitude_range if modal.table is None else modal.table.amplitude
+    ends, law = np.array([np.min(rows), np.max(rows)]), identification.model.elements
+    if any(element.across for element in law):
+        return ends, None
+    near = modal.table is not None and not any(element.memory for element in law)
+    found = (backbone_with_harmonics if near else smooth_backbone)(identification, ends)
+    return ends, found if np.isfinite([found.omega, found.damping_ratio]).all() else None
 
 
 def _course(
-    element: Element, identification: Identification, values: dict[str, float]
+    element: Element, identification: Identification, values: dict[str, float], modal: Modal
 ) -> tuple[dict[str, Quantity], dict[str, str]]:
     """Stiffness and damping at the smallest and at the largest amplitude, or states whose loop is open."""
     curve = identification.curve.amplitude[identification.curve.used]
+    ends, at = _resonance(identification, modal)
     # elements across two sensors follow what the curve is over, and not the response
-    followed = {element.across: (float(curve.min()), float(curve.max())), "": identification.amplitude_range}
-    low, high = followed[element.across]
+    low, high = (float(curve.min()), float(curve.max())) if element.across else ends.tolist()
     omega = np.pi * sum(identification.frequency_range)
-    at = _resonance(identification, np.array(identification.amplitude_range))
     # damping may depend on the frequency: that of the resonance, which is stated with its damping, too
     amplitude, speed = np.array([low, high]), np.full(2, omega) if at is None else at.omega
     # the mean is a matter of all elements together
@@ -352,9 +362,11 @@ def _course(
     return numbers, names
 
 
-def describe_elements(elements: Iterable[Element], identification: Identification) -> dict[str, str]:
+def describe_elements(
+    elements: Iterable[Element], identification: Identification, modal: Modal = NO_MODAL
+) -> dict[str, str]:
     """Return the sentence of every element by its name."""
-    said = {element.name: element_finding(element, identification) for element in elements}
+    said = {element.name: element_finding(element, identification, modal) for element in elements}
     return {name: sentence(finding) for name, finding in said.items() if finding is not None}
 
 

@@ -478,6 +478,26 @@ def test_findings_of_a_prediction_stand_in_the_one_list(tmp_path, run_cli):
         assert "did not reach the resonance" in text
 
 
+def test_one_resonance_is_stated_of_a_cubic_spring_with_dry_friction_by_law_and_table():
+    law = rsgen.Oscillator(
+        3.4, "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 105e3, "k3": 6e9, "c": 14, "Ff": 1.2}
+    )
+    plan = rsgen.SimulatedTest(
+        level=[4, 15, 40], frequency=np.arange(25, 47, 0.25), sweep="up", method="harmonic-balance"
+    )
+    test = rsgen.simulate(law, plan)
+    found = rsgen.identify(test, ["k*x + k3*x**3", "c*v + Ff*sign(v)"], mass=3.4)
+    modal = tables.tabulate_mode(test, found)
+    assert modal.table is not None
+    (course,) = resonance_course(found, modal)
+    # the law was stated to first order, 0.4 % low, and its damper at motions where friction is all but all
+    assert course["frequency_last"] == pytest.approx(modal.table.frequency[-1], rel=5e-4)
+    damper = element_finding(found.model.elements[1], found, modal)
+    assert damper is not None
+    assert damper["amplitude_first"] == modal.table.amplitude[0]
+    assert damper["damping_first"] == pytest.approx(modal.table.damping[0], rel=0.01)
+
+
 def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked_beyond_the_band():
     """It was stated at motions far off resonance, below those of the table, and beyond the band unmarked."""
     _, found = quintic()
