@@ -238,6 +238,25 @@ def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, 
         assert abs(ranking.best["k2"].value) == pytest.approx(k2, rel=0.2)
 
 
+def test_a_power_whose_interval_holds_a_whole_number_is_the_law_with_this_number() -> None:
+    cubic = "c*v + k*x + Ff*sign(v) + k3*x**3"
+    law = rsgen.Oscillator(3.4, cubic, {"k": 105e3, "k3": 6e9, "c": 14.0, "Ff": 1.2})
+    plan = rsgen.SimulatedTest(
+        level=[4.0, 35.0],
+        frequency=np.arange(24.0, 44.8, 0.3),
+        sweep="up",
+        noise_relative=3e-4,
+        seed=1,
+        method="harmonic-balance",
+    )
+    power = "c*v + k*x + Ff*sign(v) + kp*abs(x)**p*sign(x)"
+    ranking = rank(rsgen.simulate(law, plan), [cubic, power], mass=3.4)
+    # of nearly exact data neighbours share what they leave, and BIC was worse by 100
+    assert [one.force for one in ranking] == [cubic, power]
+    assert ranking[power].values["p"] == pytest.approx(3, abs=0.02)
+    assert f"; {power} with p = 3 is this law" in sentence(ranking.verdict.summary)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("k2", [9.8e3, 7e3], ids=["bilinear", "linear"])
 def test_a_bilinear_spring_is_found_where_fundamentals_alone_were_recorded(k2: float) -> None:

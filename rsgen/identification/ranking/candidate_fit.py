@@ -145,19 +145,35 @@ class CandidateFit:
         return self.chi_squared / noise + len(self.candidate.values) * self.cost_of_parameter
 
 
-def lacks(smaller: CandidateFit, larger: CandidateFit, names: Collection[str]) -> bool:
-    """Return True if a law is another one without the term of one of some parameters, or of all of them."""
+def lacks(
+    smaller: CandidateFit,
+    larger: CandidateFit,
+    names: Collection[str],
+    powers: Collection[tuple[str, int]] = (),
+) -> bool:
+    """Return True if a law is another one without the term of one of some parameters, or of all of them.
+
+    Or with the whole number of one of some ``powers``.
+    """
     if len(smaller.candidate.values) >= len(larger.candidate.values):
         return False
     law = larger.candidate.law
     linear = [name for i, name in enumerate(law.parameters) if i not in law.nonlinear and name in names]
     own = {sensors: terms_of(force) for sensors, force in smaller.candidate.forces.items() if force}
-    for gone in {(name,) for name in linear} | {tuple(linear)}:
-        zero = {symbol(name): sympy.S.Zero for name in gone}
-        rest = {sensors: force.xreplace(zero) for sensors, force in larger.candidate.forces.items()}
+    less = [dict.fromkeys(map(symbol, gone), sympy.S.Zero) for gone in {*zip(linear), tuple(linear)}]
+    less += [{symbol(name): sympy.Integer(number)} for name, number in powers]
+    for known in less:
+        rest = {sensors: force.xreplace(known) for sensors, force in larger.candidate.forces.items()}
         if own == {sensors: terms_of(force) for sensors, force in rest.items() if force}:
             return True
     return False
+
+
+def whole_powers(fit: CandidateFit) -> list[tuple[str, int]]:
+    """Return the parameters of a law that are powers, with the whole numbers next to their values."""
+    found = [atom.exp for force in fit.candidate.forces.values() for atom in force.atoms(sympy.Pow)]
+    powers = sorted({str(exponent) for exponent in found if exponent.is_Symbol})
+    return [(name, round(fit.candidate.values[name])) for name in powers]
 
 
 class _Balance:

@@ -43,6 +43,7 @@ from rsgen.identification.ranking.candidate_fit import (
     Round,
     fit_candidate,
     lacks,
+    whole_powers,
 )
 from rsgen.identification.ranking.library_sums import Term, whole_name
 from rsgen.identification.ranking.ranking_result import (
@@ -51,6 +52,8 @@ from rsgen.identification.ranking.ranking_result import (
     Ranking,
     assess_best,
     have_same_terms,
+    misfit_of_rows,
+    name_powers,
     order_candidates,
     values_of_same,
 )
@@ -304,15 +307,6 @@ def _compare(
     return _Compared(test, replace(current, leader=leader), found, faulty)
 
 
-def _misfit_of_rows(found: Identification, current: Round) -> float:
-    """Return the misfit of a fit over the rows of a round, among which harmonics may have less noise."""
-    if found.fit is None:
-        return found.residual
-    regression = found.fit.regression
-    rows = np.count_nonzero(regression.used) * np.count_nonzero(current.rows.compared)
-    return found.residual * float(np.sqrt(regression.freedom / rows))
-
-
 def _settle_best(
     last: _Compared,
     candidates: Sequence[CandidateFit],
@@ -325,9 +319,10 @@ def _settle_best(
     """Identify the best law until it stays the best; return the order, its identification, and its fault.
 
     BIC and error of levels change in place. Both are infinite where damping feeds energy into a decay that
-    another law explains without. Where the identification does not tell terms from zero, BIC is at least that
-    of the best law without them plus the cost of the further parameters, also that of laws that contain this
-    one and are not better by ``STRONG_EVIDENCE``. Where it fits worse along its own motion, that BIC counts.
+    another law explains without. Where the identification does not tell terms from zero, or powers from whole
+    numbers, BIC is at least that of the best law without them plus the cost of the further parameters, also
+    that of laws that contain this one and are not better by ``STRONG_EVIDENCE``. Where it fits worse along
+    its own motion, that BIC counts.
 
     After ``_LEADERS`` laws the next is the best in any case. One with a misfit that nothing explains is not
     identified: the ranking rejects it.
@@ -364,9 +359,12 @@ def _settle_best(
         together = last.test.first.odd_alone and best.candidate.law.even
         undetermined = [one.name for one in found if one.finding is not None and not together]
         before = bic[number]
-        without = [i for i, fit in enumerate(candidates) if lacks(fit, best, undetermined) and bic[i] < inf]
+        within = {one.name: one.interval for one in found}
+        whole = [(name, n) for name, n in whole_powers(best) if within[name][0] <= n <= within[name][1]]
+        less = [lacks(fit, best, undetermined, whole) for fit in candidates]
+        without = [i for i, lacking in enumerate(less) if lacking and bic[i] < inf]
         raised, parameters = min(((bic[i], count[i]) for i in without), default=(before, count[number]))
-        own_misfit = _misfit_of_rows(found, current)
+        own_misfit = misfit_of_rows(found, current)
         if own_misfit > NOISE_RATIO_BY_CHANCE * max(misfit, MISFIT_NEGLIGIBLE):
             own_bic = before + float(np.square(own_misfit / misfit) - 1.0) * best.chi_squared
             raised, parameters = max((raised, parameters), (own_bic, count[number]))
@@ -422,7 +420,8 @@ def _ranking(
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
     assessment = assess_best(current, best, rows, doubts)
-    findings = assessment.findings + ((test.left_out,) if test.left_out else ())
+    findings = name_powers(assessment.findings, ordered, rows)
+    findings += (test.left_out,) if test.left_out else ()
     # no background takes the place of a law
     if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
         findings = _with_what_is_missing(test, ordered, current, surface, findings)

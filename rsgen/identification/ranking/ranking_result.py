@@ -38,6 +38,8 @@ from rsgen.identification.ranking.candidate_fit import (
     STRONG_EVIDENCE,
     CandidateFit,
     Round,
+    lacks,
+    whole_powers,
 )
 from rsgen.identification.ranking.library_sums import library_terms, terms_of, whole_name
 from rsgen.identification.results import Identification, changed
@@ -352,6 +354,15 @@ def assess_best(
     return Assessment(fits, left.unexplained, tuple(findings))
 
 
+def misfit_of_rows(found: Identification, current: Round) -> float:
+    """Return the misfit of a fit over the rows of a round, among which harmonics may have less noise."""
+    if found.fit is None:
+        return found.residual
+    regression = found.fit.regression
+    rows = np.count_nonzero(regression.used) * np.count_nonzero(current.rows.compared)
+    return found.residual * float(np.sqrt(regression.freedom / rows))
+
+
 def order_candidates(
     bic: Sequence[float], error: Sequence[float], count: Sequence[int]
 ) -> tuple[list[int], float, list[bool]]:
@@ -429,6 +440,22 @@ def have_same_terms(one: CandidateFit, other: CandidateFit) -> bool:
         {sensors: terms_of(force) for sensors, force in fit.candidate.forces.items()} for fit in (one, other)
     )
     return first == second
+
+
+def name_powers(
+    findings: tuple[Finding, ...], fits: Sequence[CandidateFit], candidates: Sequence[Candidate]
+) -> tuple[Finding, ...]:
+    """Name by ``power``, beside the best law, the worse ones that are it with a whole number for a power."""
+    same = [
+        f"{one.label} with {name} = {number}"
+        for fit, one in zip(fits, candidates, strict=False)
+        for name, number in whole_powers(fit)
+        if not one.tied and abs(one.values[name] - number) < RELATIVE_ERROR_DOUBTFUL
+        if lacks(fits[0], fit, (), [(name, number)])
+    ]
+    best = {"law-fits-best", "law-nearest"} if same else set()
+    names = {"power": listed(same)}
+    return tuple(replace(f, names={**f.names, **names}) if f.code in best else f for f in findings)
 
 
 def _overfitting_findings(fitted: float, first: Candidate) -> list[Finding]:
