@@ -299,4 +299,8 @@ def _about_mean(law: _Law, solved: sympy.Expr | None, balance: sympy.Expr) -> It
             "from rest."
         )
     elif solved is None:
-        yield "The mean X0 solves the mean balance as a number, computed where it is needed."
+        yield (
+            "The mean X0 solves the mean balance as a number, computed where it is needed. A formula about "
+            "zero mean, such as (k6 + k7)/2 of a bilinear spring (Liu et al., Eq. (22)), leaves it out: "
+            "docs/method.md, section 2; [printed] of a case compares it."
+        )

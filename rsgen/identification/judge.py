@@ -449,7 +449,7 @@ Table = TypeVar("Table", Points, ResponseSurface)
 def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     """Return a fit as a result: errors, estimates of all three kinds, curves, findings."""
     law, used = test.problem.law, refined.regression.used
-    _require_followed(used, model)
+    _require_followed(used, model, test.surface)
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     kept = points.select(used)
     errors = errors_of(test, refined, surface, points)
@@ -503,14 +503,18 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     )
 
 
-def _require_followed(used: NDArray[np.bool_], model: Model) -> None:
-    """Refuse a law that no point follows."""
-    if not used.any():
-        raise RsgenError(
-            f"law: {model.force} follows none of the {len(used)} points; is this the law, with x for the "
-            "displacement, v for the velocity and every other name a parameter, and are quantity and unit of "
-            "the response as in the case?"
-        )
+def _require_followed(used: NDArray[np.bool_], model: Model, surface: ResponseSurface) -> None:
+    """Refuse a law that no point follows, and name the mass where the points show another one."""
+    if used.any():
+        return
+    shown = (f for f in mode_findings(surface, model.mass) if f.code == "fixed-contradicted")
+    other = "".join(f" (the points show about {f['fitted']:.3g} kg)" for f in shown)
+    mass = "" if model.mass is None else f" is m = {model.mass:.4g} kg its mass{other},"
+    raise RsgenError(
+        f"law: {model.force} follows none of the {len(used)} points; is this the law, with x for the "
+        f"displacement, v for the velocity and every other name a parameter,{mass} and are quantity and unit "
+        "of the response as in the case?"
+    )
 
 
 def _background(

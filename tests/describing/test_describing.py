@@ -296,3 +296,8 @@ def test_an_element_that_others_move_off_centre_has_the_mean_in_its_formulas():
     assert "all elements" in " ".join(function.remarks)
     damper = make_element("damper", "c*v")
     assert (str(derive_off_centre(damper).damping), derive_off_centre(damper).remarks) == ("c", ())
+
+
+def test_a_spring_that_moves_its_mean_says_what_a_formula_about_zero_mean_leaves_out():
+    (said,) = derive("Piecewise((k1*x, x > 0), (k2*x, True))").remarks
+    assert "Eq. (22)), leaves it out" in said

@@ -10,11 +10,14 @@ import pytest
 import rsgen
 from rsgen.cases.faults import CaseError
 from rsgen.common.finding import Finding, reasons_of, steps_once
+from rsgen.data.oscillator import Model
 from rsgen.data.surface.mode_findings import fixed_contradicted, mode_findings
 from rsgen.formula.reading import parse
+from rsgen.identification import judge
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.identification.results.result import mass_lines
+from rsgen.law.element import as_elements
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.sentences import in_order, next_step, state_verdict
@@ -284,3 +287,9 @@ def test_a_mass_that_is_hardly_wrong_is_doubted_where_it_moves_a_value_by_much(m
     assert (said.code, said.parameter) == ("fixed-contradicted", "m")
     assert said["fitted"] == pytest.approx(0.5, rel=2e-3)
     assert "standard errors; it moves k" in str(said)
+
+
+def test_a_mass_in_g_is_named_where_no_point_follows_the_law():
+    model, none = Model(as_elements(TWO_SIDES), 0.5e-3), np.zeros(len(two_sides()), dtype=bool)
+    with pytest.raises(rsgen.RsgenError, match=r"is m = 0\.0005 kg its mass \(the points show about 0\.5"):
+        judge._require_followed(none, model, two_sides())
