@@ -316,12 +316,11 @@ class Findings:
         """Find what repeats, resonances, energy, a joint, even forces and background say of the law."""
         fit, law = self.fit, self.fit.problem.law
         found = list(self.errors.of_repeats)
-        if self.estimates and not any(estimate.identifiable for estimate in self.estimates):
-            found.append(Finding("nothing-identifiable", "doubt"))
         known = sum(estimate.identifiable for estimate in self.estimates)
-        if 0 < 2 * known < len(self.estimates):
-            numbers = quantities(known=known, parameters=len(self.estimates))
-            found.append(Finding("nothing-identifiable", "doubt", numbers=numbers))
+        if 2 * known < len(self.estimates):
+            numbers = quantities(known=known, parameters=len(self.estimates)) if known else {}
+            names = {} if self.model.mass is None else {"mass": "given"}
+            found.append(Finding("nothing-identifiable", "doubt", "", numbers, names))
         kept = self.points.select(fit.regression.used)
         found += resonance_findings(kept, self.model.fixed, law, self.estimates, fit.regression.rms_misfit)
         found += feeding_findings(self.points, fit, self.stated.of_law)

@@ -200,6 +200,9 @@ def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():
     assert sum(one.identifiable for one in found) == 2
     (said,) = (finding for finding in found.verdict.decided_by if finding.code == "nothing-identifiable")
     assert sentence(said).startswith("the test determines only 2 of the 6 parameters")
+    assert next_step(said).startswith("Take a law with fewer parameters")
+    free = replace(said, names={})
+    assert next_step(free).startswith("Give the mass if it is known, take a law with fewer parameters")
 
 
 @pytest.mark.parametrize(

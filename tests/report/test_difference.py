@@ -52,6 +52,27 @@ def test_a_comparison_of_two_laws_says_that_they_differ(tmp_path, run_cli):
     assert "the laws differ" not in run_cli("diff", one, written(tmp_path / "c", kn1=0.04)).out
 
 
+def test_of_two_laws_on_one_test_the_better_one_is_named(tmp_path, run_cli):
+    def law(side: str, force: str, misfit: float, test: float = 1.0) -> Path:
+        place = written(tmp_path / side)
+        result = json.loads((place / "result.json").read_text(encoding="utf-8"))
+        result["elements"] = [{**result["elements"][0], "force": force}, *result["elements"][1:]]
+        result["residual"]["relative"] = misfit
+        result["equivalent"] = {"frequency": [9.0, 10.0] * 50, "amplitude": [test, 2.0] * 50}
+        (place / "result.json").write_text(json.dumps(result), encoding="utf-8")
+        return place
+
+    first = law("a", "k1*x", 0.01)
+    shown = " ".join(run_cli("diff", law("b", "k2*x", 0.02), first).out.split())
+    assert f"{first} leaves 1 %" in shown
+    assert f"the law of {first} is better by more than noise (BIC 277 lower)" in shown
+    alike = run_cli("diff", first, law("c", "k3*x", 0.0101)).out
+    assert "no more than noise tells them apart (BIC 4.0 lower); either may be right" in " ".join(
+        alike.split()
+    )
+    assert "BIC" not in run_cli("diff", first, law("d", "k4*x", 0.02, test=1.1)).out
+
+
 def test_three_results_stand_side_by_side(tmp_path, run_cli):
     places = [
         written(tmp_path / side, tolerance=None, k1=by) for side, by in zip("abc", (0, 0, 0.1), strict=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import log
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,7 @@ from rsgen.analysis.comparison import ComparedFit, FitComparison
 from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, Json, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
+from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, MISFIT_NEGLIGIBLE
 from rsgen.report.result_json import comparison_entry, read_result
 from rsgen.report.sentences import full_sentence, next_step
 
@@ -40,6 +42,33 @@ def compare_results(*places: str | Path) -> tuple[FitComparison, tuple[str, ...]
     return FitComparison(tuple(fits)), tuple(dict.fromkeys(laws))
 
 
+def say_preferred(*places: str | Path) -> str:
+    """Say which of two laws leaves less of the same points, and if by more than noise; "" of other results.
+
+    By Schwarz's criterion (BIC): with n numbers, q values and a misfit s it is n ln(s^2 (1 - q/n)) + q ln n.
+    """
+    entries = [entry for place in places if (entry := read_result(Path(place) / "result.json")) is not None]
+    tests = [
+        (points.get("frequency"), points.get("amplitude"), list(fit.held_out))
+        for entry in entries
+        if isinstance(points := entry.result.get("equivalent"), dict) and (fit := entry.fit())
+    ]
+    if len(places) != 2 or len(tests) != 2 or tests[0] != tests[1] or not isinstance(tests[0][0], list):
+        return ""
+    found, numbers = [], 2 * max(len(tests[0][0]), 1)
+    for place, entry in zip(places, entries, strict=True):
+        fit = entry.fit()
+        free = sum(one.standard_error != 0 for one in (*fit.estimates, *fit.background))
+        # of exact data, truncated waveforms leave the rest
+        square = max(fit.misfit, MISFIT_NEGLIGIBLE) ** 2 * (1 - min(free / numbers, 0.5))
+        found.append((numbers * log(square) + free * log(numbers), str(place), 100 * fit.misfit))
+    (least, best, small), (more, other, large) = sorted(found)
+    shown = f"of the same points {best} leaves {small:.2g} % and {other} {large:.2g} %"
+    if more - least > MIN_SIGNIFICANT_GAIN:
+        return f"{shown}: the law of {best} is better by more than noise (BIC {more - least:.0f} lower)"
+    return f"{shown}: no more than noise tells them apart (BIC {more - least:.1f} lower); either may be right"
+
+
 def is_worse(fits: FitComparison) -> bool:
     """Return True if a verdict is graver than the first, which identified is not, or results disagree."""
     first, *others = [max(STATES.index(fit.verdict.state), 1) for fit in fits.fits]
@@ -58,13 +87,22 @@ def diff_command(
       rsgen diff runs/cubic runs/quintic runs/gap --json
     """
     fits, laws = compare_results(*results)
+    preferred = say_preferred(*results) if len(laws) > 1 else ""
     code = DOUBTED_RESULT if is_worse(fits) else USABLE_RESULT
     if json:
-        print_json({**comparison_entry(fits), "findings": [finding.to_dict() for finding in fits.findings]})
+        print_json(
+            {
+                **comparison_entry(fits),
+                "findings": [finding.to_dict() for finding in fits.findings],
+                "preferred": preferred,
+            }
+        )
         return code
     if len(laws) > 1:
         print_line(f"the laws differ: {'; '.join(laws)}")
     print_block("", str(fits))
+    if preferred:
+        print_line(preferred)
     for finding in fits.findings:
         print_line(f"{full_sentence(finding)} {next_step(finding)}")
     return code
