@@ -58,6 +58,13 @@ def _case_from(path: str, first: str) -> str:
     return f"```toml\n{text[text.index(first) :].rstrip()}\n```"
 
 
+def _report_part(*words: str) -> str:
+    """Show a part of a report one level deeper: its file, the text before and, if any, behind it."""
+    name, begin, *end = " ".join(words).split(" | ", 2)
+    text = (ROOT / "reports" / name).read_text(encoding="utf-8").partition(begin)[2]
+    return re.sub(r"^(?=#+ )", "#", text.partition(end[0])[0] if end else text, flags=re.MULTILINE).strip()
+
+
 MAKERS: dict[str, Callable[..., str]] = {
     "keys": keys_table,
     "case": _case_from,
@@ -66,6 +73,7 @@ MAKERS: dict[str, Callable[..., str]] = {
     "findings": findings_list,
     "laws": law_sections,
     "gallery": gallery_sections,
+    "report": _report_part,
 }
 
 

@@ -190,9 +190,9 @@ def estimate_table(identification: Identification) -> Table:
 
 
 def _biases(identification: Identification) -> dict[str, float]:
-    """Return the predicted bias of each first-order estimate; none where it was not computed."""
-    names = [one.name for one in identification.first_order]
-    return dict(zip(names, identification.first_order_bias, strict=False))
+    """Return the predicted bias of each first-order estimate; none of what the test does not determine."""
+    pairs = zip(identification.first_order, identification.first_order_bias, strict=False)
+    return {one.name: bias for one, bias in pairs if one.identifiable}
 
 
 def harmonics_matter(identification: Identification) -> bool:

@@ -15,9 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from rsgen import derive, figures, make_element, modal_table, predict
+from rsgen.identification.results.result import changed
 from rsgen.report.figures import Drawing, number_text
 from rsgen.report.figures.drawing import lay_out, project_style, take_axes
 from rsgen.report.figures.equivalent import backbone
+from rsgen.report.page_tables import estimate_table
 from tests.samples import C1, K1, KN1, cubic_identification, cubic_prediction, cubic_surface
 
 TRUTH = {"k1": K1, "kn1": KN1, "c1": C1}
@@ -43,6 +45,25 @@ def drawn(name: str) -> tuple[Drawing, bytes]:
     """A drawing and its SVG, made once for all tests that only look at them."""
     drawing = DRAWINGS[name]()
     return drawing, drawing.render("svg")
+
+
+def test_the_damping_force_is_drawn_up_to_the_largest_velocity_of_the_test():
+    axes = drawn("forces")[0].figure.axes[1]
+    largest = max(np.max(np.abs(line.get_xdata())) for line in axes.lines)
+    tested = 2 * np.pi * np.max((SURFACE.amplitude * SURFACE.frequency)[SURFACE.settled])
+    scale = figures.choose_scale([tested], "m/s")
+    assert largest * scale.factor == pytest.approx(tested, rel=1e-3)
+    assert tested < 0.95 * 2 * np.pi * SURFACE.amplitude.max() * SURFACE.frequency.max()
+
+
+def test_a_first_order_value_that_is_not_determined_has_no_predicted_bias():
+    (first, *others), biases = IDENTIFICATION.first_order, IDENTIFICATION.first_order_bias
+    unknown = replace(first, value=np.nan, standard_error=np.inf)
+    table = estimate_table(changed(IDENTIFICATION, first_order=(unknown, *others)))
+    column = table.columns.index("Its predicted bias")
+    shown = {row[0]: row[column] for row in table.rows}
+    assert np.isfinite(biases).all()
+    assert (shown[first.name], shown[others[0].name] != "–") == ("–", True)
 
 
 def test_a_force_that_varied_along_the_sweep_is_that_of_the_curve_or_said():

@@ -66,7 +66,7 @@ def say_preferred(*places: str | Path) -> str:
     shown = f"of the same points {best} leaves {small:.2g} % and {other} {large:.2g} %"
     if more - least > MIN_SIGNIFICANT_GAIN:
         return f"{shown}: the law of {best} is better by more than noise (BIC {more - least:.0f} lower)"
-    return f"{shown}: no more than noise tells them apart (BIC {more - least:.1f} lower); either may be right"
+    return f"{shown}: no more than noise (BIC {more - least:.1f} between them); either may be right"
 
 
 def is_worse(fits: FitComparison) -> bool:

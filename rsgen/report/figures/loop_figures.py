@@ -64,8 +64,10 @@ def draw_forces(
     ax
         One axes for the stiffness force, or two for both forces; None makes a figure.
     """
-    high = identification.amplitude_range[1]
-    fast = high * 2 * np.pi * identification.frequency_range[1]
+    high, curve = identification.amplitude_range[1], identification.curve
+    # the largest response is at a resonance, not where the band ends
+    speeds = 2 * np.pi * (curve.amplitude * curve.frequency)[curve.used]
+    fast = float(np.nanmax(speeds, initial=0.0)) or high * 2 * np.pi * identification.frequency_range[1]
     x, v = np.linspace(-high, high, 401), np.linspace(-fast, fast, 401)
     zero = np.zeros(401)
     model = identification.model
