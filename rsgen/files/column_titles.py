@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 _UNIT_TOLERANCE = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
-_VOLTAGES = ("V", "mV")
+VOLTAGES = ("V", "mV")
+"""What a sensor gives without its factor."""
 _ANGLES = {"deg": "deg", "°": "deg", "rad": "rad"}
 
 
@@ -62,7 +63,7 @@ def unit_doubts(
             )
         except RsgenError:
             # a title may end like a unit of something else; volts are what a sensor gives without its factor
-            volts = title in _VOLTAGES and channel.unit not in _VOLTAGES
+            volts = title in VOLTAGES and channel.unit not in VOLTAGES
             bracketed = titles.get(column, "").rstrip()[-1:] in (")", "]")
             if volts or (bracketed and is_of_signal(title)):
                 found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,12 +17,14 @@ from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
-from rsgen.files.column_titles import unit_doubts
+from rsgen.files.column_titles import unit_doubts, unit_in
+from rsgen.files.data_files import recognise_format
 from rsgen.files.file_table import file_of, read_channels, scaled
 from rsgen.files.inspection import clues
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.nominal_levels import level_of_file
-from rsgen.files.plan import SECONDS, HistoryRule, MeasuredTest
+from rsgen.files.plan import HERTZ, SECONDS, HistoryRule, MeasuredTest
+from rsgen.files.tree import Entry
 
 _TIME_TOLERANCE = 1e-6
 """Of a sample: start and stop as near to one are the instant of it."""
@@ -61,29 +64,57 @@ _MAX_RATE_ERROR = 1e-3
 """Of a rate against the instants in the file: clocks are better, and instants rounded to a step of them."""
 
 
-def _rate_doubts(test: MeasuredTest, path: Path, rate: float, length: int) -> list[Finding]:
-    """Doubt a rate that instants in the file contradict which the case does not read."""
+def _doubts_of_file(test: MeasuredTest, path: Path, rate: float | None, length: int) -> list[Finding]:
+    """Doubt units of channels, and a rate [Hz], that the file contradicts where the case does not read it."""
+    found: list[Finding] = []
+    if rate is None and recognise_format(path) == "csv":
+        return found
     with suppress(MeasurementError):
-        for entry in clues.readable(list_contents(path)):
-            if entry.size != length or not (clues.TIME(entry) or entry.unit in SECONDS):
-                continue
-            groups, *_ = read_channels(
-                test, path, [int(entry.path) if entry.path.isdigit() else entry.path], None
-            )
-            stamps = np.asarray(groups[0][0].values.ravel(), dtype=np.float64)
-            span, steps = stamps[-1] - stamps[0], np.diff(stamps)
-            even = np.linspace(stamps[0], stamps[-1], length)
-            # also False for NaN
-            if not (np.all(steps >= 0) and span > 0 and np.all(np.abs(stamps - even) < _MAX_UNEVEN * span)):
-                continue
-            error = _MAX_RATE_ERROR + 2 * float(np.min(steps[steps > 0])) / span
-            units = [SECONDS[entry.unit]] if entry.unit in SECONDS else [*SECONDS.values()]
-            rates = [(length - 1) / (span * unit) for unit in units]
-            if not any(abs(found / rate - 1) < error for found in rates):
+        contents = list_contents(path)
+        entries = clues.readable(contents)
+        # titles with a unit in them were compared, as all those of a text
+        for entry in entries if contents.format != "csv" else ():
+            for one in clues.channels_of(entry, contents):
+                titles: dict[int | str, str] = {
+                    one.path: f"{', '.join(filter(None, (one.path, one.title)))} [{one.unit}]"
+                }
+                for channel in test.sources:
+                    place = re.sub(r"\[(?::,)?(\d+)(?:,:)?\]\Z", r"[\1]", str(channel.samples))
+                    if one.unit and place == one.path and unit_in(place) != one.unit:
+                        read = replace(channel, samples=place, unit=channel.unit or test.unit_of(channel))
+                        found += unit_doubts(test, shown_path(path), titles, read)
+        for entry in entries:
+            rates, error = ([], 0.0) if rate is None else _rates_by(test, path, entry, length)
+            if rate and rates and not any(abs(one / rate - 1) < error for one in rates):
                 names = {"file": shown_path(path), "column": clues.called(entry)}
                 numbers = quantities("Hz", given=rate, fitted=rates[0])
-                return [Finding("fixed-contradicted", "doubt", "rate", numbers, names)]
-    return []
+                found.append(Finding("fixed-contradicted", "doubt", "rate", numbers, names))
+                break
+    return found
+
+
+def _rates_by(test: MeasuredTest, path: Path, entry: Entry, length: int) -> tuple[list[float], float]:
+    """Return the rates [Hz] that an array may say, by its unit or by any, and their relative error."""
+    seconds = [SECONDS[entry.unit]] if entry.unit in SECONDS else [*SECONDS.values()]
+    asked = test.history is not None and test.history.rate_column is None
+    if asked and entry.size < length and entry.low is not None and 0 < entry.low == entry.high:
+        steps = [1 / (entry.low * unit) for unit in seconds]
+        if clues.INCREMENT(entry) or (clues.RATE(entry) and entry.unit in SECONDS):
+            return steps, _MAX_RATE_ERROR
+        hertz = [HERTZ[entry.unit]] if entry.unit in HERTZ else [HERTZ["Hz"], HERTZ["kHz"]]
+        known = clues.RATE(entry) and entry.unit in ("", *HERTZ)
+        return [entry.low * unit for unit in hertz] if known else [], _MAX_RATE_ERROR
+    if entry.size != length or not (clues.TIME(entry) or entry.unit in SECONDS):
+        return [], 0.0
+    groups, *_ = read_channels(test, path, [int(entry.path) if entry.path.isdigit() else entry.path], None)
+    stamps = np.asarray(groups[0][0].values.ravel(), dtype=np.float64)
+    span, steps_of = stamps[-1] - stamps[0], np.diff(stamps)
+    even = np.linspace(stamps[0], stamps[-1], length)
+    # also False for NaN
+    if not (np.all(steps_of >= 0) and span > 0 and np.all(np.abs(stamps - even) < _MAX_UNEVEN * span)):
+        return [], 0.0
+    error = _MAX_RATE_ERROR + 2 * float(np.min(steps_of[steps_of > 0])) / span
+    return [(length - 1) / (span * unit) for unit in seconds], error
 
 
 _MAX_UNEVEN = 0.01
@@ -182,8 +213,8 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     else:
         rate = rule.rate or 0.0
     samples = [rows[path][place] for path, place in zip(files, places, strict=True)]
-    if rule.time is None and number == 0:
-        findings += _rate_doubts(test, main, rate, len(samples[0]))
+    if number == 0:
+        findings += _doubts_of_file(test, main, rate if rule.time is None else None, len(samples[0]))
     lengths = {len(values) for values in samples}
     if len(lengths) > 1:
         counts = ", ".join(

@@ -18,7 +18,7 @@ from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.common.errors import MeasurementError
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
-from rsgen.files.inspection.proposal import Proposal
+from rsgen.files.inspection.proposal import Proposal, propose
 from rsgen.files.plan import Layout
 from rsgen.files.text_columns import TextLines, read_columns
 from tests.inspection.drafts import FREQUENCY, RECEPTANCE, drafted
@@ -197,16 +197,34 @@ def test_a_draft_leaves_open_what_it_does_not_know_and_reads_levels_from_names(t
     assert "and no files: 'none.csv', " in run_cli("init", "--from", *files, "none.csv", case).err
     assert run_cli("init", "--from", *files, case).code == 0
     text = case.read_text("utf-8")
-    assert 'unit      = "?" ' in text
+    assert 'unit      = "V"\nfactor    = "?" ' in text
     assert 'name = "rep*_{level}N_*.csv"' in text
     case.write_text(text.replace("frequency]\ncolumn", 'frequency]\nunit = "?"\ncolumn'), "utf-8")
     said = run_cli("check", case).err
     opened = sorted(line.split(": ")[1] for line in said.splitlines())
-    assert opened == ["test.force.unit", "test.frequency.unit"]
-    case.write_text(text.replace('"?"', '"V"\nfactor = "22.5 mV/N"'), "utf-8")
+    assert opened == ["test.force.factor", "test.frequency.unit"]
+    case.write_text(text.replace('"?"', '"22.5 mV/N"'), "utf-8")
     answer = run_cli("check", case)
     assert (answer.code, answer.err) == (0, "")
     assert "51 measured points at 2 levels" in answer.out
+
+
+def test_names_and_volts_of_a_matrix_are_drafted(tmp_path, run_cli):
+    """Texts "force cell, accelerometer" and "V, V" were listed, but the draft asked for both channels."""
+    samples = np.column_stack([np.sin(np.arange(400.0)), np.cos(np.arange(400.0))])
+    texts = {"channels": "force cell, accelerometer", "unit": "V, V"}
+    scipy.io.savemat(tmp_path / "sweep_4N.mat", {"fs": 2048.0, "data": samples, **texts})
+    tables = propose(list_contents(tmp_path / "sweep_4N.mat")).tables
+    assert tables["test.force"] == {"samples": "data[1]", "unit": "V", "factor": "?"}
+    assert tables["test.response"] == {
+        "quantity": "acceleration", "unit": "V", "factor": "?", "samples": "data[2]",
+    }  # fmt: skip
+    for name, case in (("sweep", "a.toml"), ("run", "b.toml")):
+        (tmp_path / f"{name}_4N.mat").write_bytes((tmp_path / "sweep_4N.mat").read_bytes())
+        assert run_cli("init", "--from", tmp_path / f"{name}_4N.mat", tmp_path / case).code == 0
+    # the mass of a force sweep is identified; of what is not known to have a force it must be given
+    assert "\n# mass" in (tmp_path / "a.toml").read_text("utf-8")
+    assert "of a test with a force delete it" in (tmp_path / "b.toml").read_text("utf-8")
 
 
 def test_nothing_to_recognise(tmp_path):

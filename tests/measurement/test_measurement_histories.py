@@ -16,6 +16,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.histories import _record, read_histories
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
+from rsgen.report.sentences import next_step
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -132,7 +133,41 @@ def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step
     if doubted:
         said = sentence(found[0])
         assert f"the rate of the case is {rate:g} Hz" in said
-        assert re.search(r"those of 6\d\.?\d* Hz", said)
+        assert re.search(r"it is 6\d\.?\d* Hz", said)
+
+
+@pytest.mark.parametrize(("name", "value", "doubted"), [
+    ("fs", 64.0, False), ("fs", 128.0, True), ("SampleRate", 128.0, True), ("fs", 0.064, False),
+    ("dt", 1 / 64, False), ("dt", 1 / 128, True), ("sweep_rate", 0.1, False), ("calibrated", 1.0, False),
+])  # fmt: skip
+def test_a_rate_that_a_number_in_the_file_contradicts_is_doubted(tmp_path, name, value, doubted):
+    """A rate of 1024 Hz next to fs = 2048 passed, with a stiffness four times too small."""
+    np.savez(tmp_path / "a.npz", F=FORCE, a=ACCELERATION[0], **{name: value})
+    (got,) = read_histories(history(tmp_path / "a.npz", history=swept(rate=64.0)))
+    found = [finding for finding in got.findings if finding.code != "unit-of-file"]
+    assert [(f.code, f.severity) for f in found] == [("fixed-contradicted", "doubt")] * doubted
+    if doubted:
+        assert f"but by {name} in the file it is 128 Hz" in sentence(found[0])
+
+
+@pytest.mark.parametrize(("texts", "given", "doubted"), [
+    ({"unit": "V, V"}, {}, True), ({"units": "N, V"}, {}, True), ({"units": "N, g"}, {}, False),
+    ({"unit": "V, V"}, {"factor": "100 mV/g"}, False), ({"unit": "V"}, {}, True),
+    ({"unit": "V, V, s"}, {}, False),
+])  # fmt: skip
+@pytest.mark.parametrize("place", ["data[2]", "data[:,2]"])
+def test_volts_that_are_read_as_a_motion_are_doubted(tmp_path, texts, given, doubted, place):
+    """A record in volts passed as one in g: with labels and without a mass its law was identified."""
+    channels = {"data": np.column_stack([FORCE, ACCELERATION[0]]), "fs": 50.0}
+    scipy.io.savemat(tmp_path / "a.mat", channels | texts | {"channels": "force cell, accelerometer"})
+    force = Channel(samples="data[1]", unit="V", factor="10 mV/N")
+    response = Channel(samples=place, **{"unit": "V" if given else "g"} | given)
+    (got,) = read_histories(history(tmp_path / "a.mat", force=force, response=response))
+    said = [sentence(finding) for finding in got.findings if finding.code == "unit-contradicts-title"]
+    assert len(got.findings) == len(said) == doubted
+    if doubted:
+        assert "data[2], accelerometer [V] is read in g, but the file says V" in said[0]
+        assert 'write unit = "V", and as factor the sensitivity' in next_step(got.findings[0])
 
 
 def test_a_start_that_cuts_a_decay_is_named(tmp_path):

@@ -72,7 +72,9 @@ BASE = _named(
     r"|fixture|armature|aufspann\w*|shaker|exciter|seat ?rail|ctrl|control|regel)"
 )
 """Where a structure on a driven base is fixed, or what a shaker's controller holds."""
-RATE = _named(r"^f_?s$|rate|sampling|fsamp|sample_?freq")
+RATE = _named(
+    r"^f_?s$|^(?!.*(sweep|strain|flow)).*((?<![a-z])rate(?!d)|(?-i:[a-z]Rate)|samplerate|abtast)|sampling|fsamp|sample_?freq"
+)
 INCREMENT = _named(r"^(dt|delta_?[xt]|increment|ts|x_?increment|sample_?(time|interval))$")
 """The time from one sample to the next."""
 _ANGLE_UNITS = ("deg", "°", "rad", "degree", "degrees")
@@ -191,6 +193,30 @@ def said_in(contents: Contents, of_units: bool = False) -> str:
     found = (about[_OF_UNITS] if of_units else []) or about[_OF_TEST]
     said = [f"{printable(e.path, 60)} = {quote(e.remark)}" for e in found[:_MOST_TEXTS]]
     return f"; the file has the text {' and '.join(said)}" if said else ""
+
+
+def channels_of(entry: Entry, contents: Contents) -> list[Entry]:
+    """Return the channels of an array: itself or, of a matrix, its rows along the longer side.
+
+    Each has the name and the unit that a text of the file lists for it, as "force, acceleration" and "V, V".
+    """
+    sides = [length for length in entry.shape if length > 1]
+    if len(sides) < 2:
+        return [entry]
+    count = min(sides)
+    names, units = [f"{last_name(entry)} {n + 1}" for n in range(count)], [entry.unit] * count
+    for text in (one for one in contents.entries if one.dtype == TEXT):
+        parts = [plain_unit(part.strip()) for part in re.split("[,;|]", text.remark)]
+        folder, slash, _ = text.path.rpartition("/")
+        if len(parts) == count and entry.path.startswith(folder + slash):
+            if _OF_UNITS.search(last_name(text)):
+                units = parts
+            elif re.search("(?i)channel|kanal|signal|sensor|name|label", last_name(text)):
+                names = parts
+    return [
+        replace(entry, path=f"{entry.path}[{n}]", shape=(max(sides),), title=name, unit=unit)
+        for n, (name, unit) in enumerate(zip(names, units, strict=True), start=1)
+    ]
 
 
 def plain_unit(unit: str) -> str:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any
 
 from rsgen.common.errors import listed
 from rsgen.data.record_set import QUANTITIES
+from rsgen.files.column_titles import VOLTAGES
 from rsgen.files.inspection import clues
 from rsgen.files.inspection.runs import Runs, choose_runs, is_frequency
 from rsgen.files.inspection.sensors import (
@@ -123,7 +124,7 @@ def _is_table(free: Sequence[Entry]) -> bool:
 
 def _propose_nameless(draft: _Draft) -> None:
     """Write the tables of a case for columns that have names which say nothing, or none."""
-    draft.free = [channel for entry in draft.free for channel in _channels(entry)]
+    draft.free = [channel for entry in draft.free for channel in clues.channels_of(entry, draft.contents)]
     draft.tables |= {"test.frequency": {"column": UNKNOWN}, "test.force": {"amplitude": UNKNOWN, "unit": "N"}}
     _ask_response(draft, draft.free, "amplitude")
     draft.tables["test.response"] |= {"phase": UNKNOWN, "phase_sense": UNKNOWN}
@@ -240,7 +241,11 @@ def _propose_history(draft: _Draft, time: Entry | None) -> None:
     rows = [
         entry for entry in draft.free if clues.is_real(entry) and entry.size > 1 and _has_side(entry, size)
     ]
-    sensors = [Sensor(channel, (("samples", channel),)) for entry in rows for channel in _channels(entry)]
+    sensors = [
+        Sensor(channel, (("samples", channel),))
+        for entry in rows
+        for channel in clues.channels_of(entry, draft.contents)
+    ]
     _write_signals(draft, sensors, [], [])
 
 
@@ -259,16 +264,6 @@ def _time(draft: _Draft, time: Entry | None) -> dict[str, Any]:
         return {"rate": f"{UNKNOWN} Hz"}
     draft.doubts["test.time.rate"] = f"one over {step.path}"
     return {"rate": f"{1 / step.low:.10g} Hz"}
-
-
-def _channels(entry: Entry) -> list[Entry]:
-    """Return the channels of an array: itself or, of a matrix, its rows along the longer side."""
-    sides = [length for length in entry.shape if length > 1]
-    if len(sides) < 2:
-        return [entry]
-    name, shape = clues.last_name(entry), (max(sides),)
-    numbers = range(1, min(sides) + 1)
-    return [replace(entry, path=f"{entry.path}[{n}]", shape=shape, title=f"{name} {n}") for n in numbers]
 
 
 # ----------------------------------------------------------------------------
@@ -449,22 +444,33 @@ _SENSE = (
 def _force(draft: _Draft, sensor: Sensor) -> dict[str, Any]:
     known = clues.is_force(sensor.main)
     unit = clues.unit_for(sensor.main.unit, "N") if known else UNKNOWN if sensor.main.unit else "N"
-    _doubt_unit(draft, sensor.main, "test.force", known)
+    units = {"unit": unit} | _ask_unit(draft, sensor.main, "test.force", known)
     columns = _columns(draft, sensor, "test.force")
     head = {key: columns.pop(key) for key in ("samples", "amplitude") if key in columns}
-    return head | {"unit": unit} | columns
+    return head | units | columns
 
 
-def _doubt_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> None:
-    """Say where a unit comes from, or ask for it where the file names none that is read."""
+def _ask_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> dict[str, Any]:
+    """Say where a unit comes from, or ask for it where the file names none that is read.
+
+    Returns
+    -------
+    Unit and factor in place of those of the table; of volts the factor is asked for.
+    """
+    example = '"22.5 mV/N" or "10 N/V"' if place == "test.force" else '"100 mV/g"'
+    if not known and entry.unit in VOLTAGES:
+        draft.doubts[f"{place}.factor"] = (
+            f"{clues.TODO}write the sensitivity of the sensor, such as {example}"
+        )
+        return {"unit": entry.unit, "factor": UNKNOWN}
     if not known:
-        example = '"10 N/V"' if place == "test.force" else '"100 mV/g"'
         said = f'the file says {entry.unit!r}; write unit and factor, as unit = "V", factor = {example}'
         none = f"{entry.unit_source or 'no unit stands with it'}; write the unit"
         none += clues.said_in(draft.contents, of_units=True)
         draft.doubts[f"{place}.unit"] = clues.TODO + (said if entry.unit else none)
     elif entry.unit_source:
         draft.doubts[f"{place}.unit"] = entry.unit_source
+    return {}
 
 
 def _is_quotient(entry: Entry) -> bool:
@@ -482,7 +488,7 @@ def _motion(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
     kind = next(by_unit, None) or next(by_name, "displacement")
     unit = clues.unit_for(entry.unit, si) if si else UNKNOWN if entry.unit else QUANTITIES[kind]
     table: dict[str, Any] = {"quantity": kind, "unit": unit}
-    _doubt_unit(draft, entry, place, bool(si))
+    table |= _ask_unit(draft, entry, place, bool(si))
     if not si and (clues.DECIBEL.search(entry.unit) or clues.DECIBEL.search(clues.last_name(entry))):
         # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
         table["unit"] = entry.unit or "dB"
