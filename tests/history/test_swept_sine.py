@@ -15,6 +15,7 @@ from rsgen import Oscillator, identify, load_case, make_element
 from rsgen.data.history import SweepLaw, TimeHistory, from_swept_sine, swept_sine
 from rsgen.data.history.envelope import NOISE_WIDTH, demodulate, place_windows
 from rsgen.data.history.tracking import find_sweeps
+from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.files.files_to_surface import read_measurement
@@ -55,6 +56,27 @@ def test_the_law_is_found_from_the_force(kind: str, low: float, ratio: float, do
     assert found.law.direction == ("down" if down else "up")
     assert found.law.frequency == pytest.approx(law.frequency, rel=1e-6)
     assert found.law.rate == pytest.approx(law.rate, rel=1e-6)
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.04])
+def test_exchanged_channels_of_a_sweep_are_called_so(rate: float):
+    """Force and acceleration that were read as each other were rejected, with units and sense blamed."""
+    law = SweepLaw("linear", 9.0, rate, 0.0)
+    read, right = [], []
+    for level in (1.0, 2.0):
+        record = sweep(linear(), level, law, 11.0, rate=200.0)
+        moved = (
+            record.force - STIFFNESS * record.response - DAMPING * np.gradient(record.response, 1 / 200)
+        ) / MASS
+        read.append(replace(record, force=moved, response=record.force, quantity="acceleration"))
+        right.append(replace(record, response=moved, quantity="acceleration"))
+    (said,) = mode_findings(from_swept_sine(read, mass=MASS), MASS)
+    assert said.names["is"] == "exchanged"
+    assert not mode_findings(from_swept_sine(right, mass=MASS), MASS)
+    # what is late, or has the other sign, is not exchanged
+    for wrong in (np.negative, lambda samples: np.roll(samples, 1)):
+        faulty = [replace(one, response=wrong(one.response)) for one in right]
+        assert not mode_findings(from_swept_sine(faulty), None)
 
 
 def test_phase_frequency_and_slope_of_a_law_are_derivatives() -> None:

@@ -108,27 +108,25 @@ def _swapped(
 
 def _exchanged(force: ComplexArray, motion: Kinematics, omega: Array) -> list[Finding]:
     """Find that each channel was read as the other one; a column of phases stays that of the response."""
-    misfit, _ = _typical_misfit(force, motion)
-    if misfit < MISFIT_REJECTED:
+    misfit, taken = _typical_misfit(force, motion)
+    if taken and misfit < MISFIT_REJECTED:
         return []
-    then, phase = misfit, np.angle(motion.displacement / force)
+    then, phase = np.inf, np.angle(motion.displacement / force)
     for order in range(3):
         pushed = np.abs(motion.displacement) * omega**order
+        if np.std(np.log(pushed)) > np.std(np.log(np.abs(force))):
+            # as a force it would vary more than what it drives
+            continue
         for turn in (phase, -phase - order * pi):
             moved = np.abs(force) / omega**order * np.exp(1j * turn)
             left, passive = _typical_misfit(*steady(pushed.astype(complex), moved, omega))
             then = min(then, left) if passive else then
-    if then > MISFIT_EXPLAINED:
+    # next to a reading that takes no energy any is better; a fast sweep was corrected by the wrong channel
+    if then > (MISFIT_EXPLAINED if taken else RELATIVE_ERROR_DOUBTFUL):
         return []
-    return [
-        Finding(
-            "another-quantity",
-            "doubt",
-            "",
-            quantities(misfit=misfit, then=then),
-            {"is": "exchanged", "sure": "yes"},
-        )
-    ]
+    numbers = quantities(then=then) | (quantities(misfit=misfit) if misfit > then else {})
+    names = {"is": "exchanged", "sure": "yes"}
+    return [Finding("another-quantity", "doubt", "", numbers, names)]
 
 
 def _of_mass(force: ComplexArray, motion: Kinematics, given: float) -> list[Finding]:
