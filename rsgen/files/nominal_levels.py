@@ -316,9 +316,15 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
             # of two runs that were driven differently there is no typical amount
             return surface
         median, largest = amounts_of_levels(surface)
+        swapped = _order_findings(surface, levels, median)
+        if swapped and np.all(np.abs(np.log(np.sort(median) / levels)) < np.log(LEVEL_TOLERANCE)):
+            measured = levels[np.argsort(np.argsort(median))]
+            about = {"labels": ", ".join(f"{one:g}" for one in levels), "unit": surface.level_unit}
+            about["amounts"] = ", ".join(f"{one:.{LEVEL_DIGITS}g} {surface.level_unit}" for one in median)
+            moved = replace(surface, level=measured[np.searchsorted(levels, surface.level)])
+            return replace(moved, findings=(*surface.findings, replace(swapped[0], names=about)))
         # shakers lose force at a resonance and stay near the level elsewhere
         if not np.any((median > LEVEL_TOLERANCE * levels) | (levels > LEVEL_TOLERANCE * largest)):
-            swapped = _order_findings(surface, levels, median)
             # where the force is as often the level at one as at another, the levels may be in another unit
             pushed, most = median / levels, largest / levels
             if swapped or not np.any(pushed[:, None] > LEVEL_TOLERANCE * most):

@@ -17,6 +17,7 @@ from rsgen.data.surface.response_surface import save_surface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
+from rsgen.report.sentences import next_step
 from tests.surfaces import severities
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -172,9 +173,23 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
     if forces is HALF:
         times = "0.505 times as much at all levels" in sentence(surface.findings[0])
         assert times == (said["levels-disagree"] == "doubt")
+        # to call them labels, first, made a law of volts "identified"
+        assert next_step(surface.findings[0]).startswith("Look for a wrong unit of the force, a sensitivity")
         assert ("nearly a factor of 2, as" in sentence(surface.findings[0])) == times
         # of what the case calls labels no ratio: their unit, as volts, may not be one of forces
         assert ("ratio" in surface.findings[0].numbers) == (rule.get("unit") != "label")
+
+
+def test_levels_in_another_order_than_the_files_are_those_that_were_measured(tmp_path):
+    """A right mass and units were blamed, and hold_out = [20] silently held out the run of 35 N."""
+    forces = {"10N.csv": 10.0, "20N.csv": 20.0, "35N.csv": 35.0, "4N.csv": 4.0}
+    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(4, 10, 20, 35))))
+    np.testing.assert_allclose(np.unique(np.abs(surface.force[surface.held_out([20])])), 20)
+    (said,) = surface.findings
+    assert said.code == "levels-swapped"
+    assert "said to be 4, 10, 20, 35 N, but in this order 10 N, 20 N, 35 N, 4 N were measured" in sentence(
+        said
+    )
 
 
 @pytest.mark.parametrize("name", ["rep*{level}N.csv", "rep*1.{level}N.csv"])
