@@ -112,8 +112,8 @@ def sensor_factor(text: str, unit: str, target: str) -> float:
             continue
     why = str(faults[0]).replace("standard_gravity", "g")
     if "needed" in why:
-        numbers = "unit is that of the numbers in the file, as V for 22.5 mV/N"
-        why = f"{shown(text)} makes no {target} of {unit}; {numbers}"
+        numbers = "unit is that of the numbers in the file before it, as V for 22.5 mV/N"
+        why = f"{shown(text)} leads from numbers in {unit} to no {target}; {numbers}"
     raise RsgenError(why)
 
 

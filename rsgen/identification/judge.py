@@ -380,7 +380,7 @@ class Findings:
         numbers = quantities(excluded=unsettled, points=len(self.surface))
         if doubled := int(np.count_nonzero(self.surface.outcome == Outcome.PERIOD_TWO)):
             numbers |= quantities(doubled=doubled)
-        names = {"by": "settling"}
+        names = {"by": "settling"} | ({"further": "yes"} if said else {})
         if unsettled > 0 and not said:
             level, frequency = self.surface.level[left], self.surface.frequency[left]
             names["where"] = points_at(level, frequency, self.surface.level_unit)

@@ -157,6 +157,8 @@ def test_the_table_is_printed_and_a_held_out_level_scored(case, tmp_path, run_cl
     assert lines[0].startswith("Modal table without a law: ")
     assert lines[1].split()[:3] == ["X", "[m]", "frequency"]
     assert "held out 4 N, rest: 17 of 17 points predicted, error" in answer.out
+    # as in the notebook; it was a note
+    assert "\nwarning: no point lies near resonance" in answer.out
     loaded = rsgen.load_case(case)
     table = rsgen.modal_table(rsgen.simulate(loaded.oscillator, loaded.test), loaded.model)
     rows = list(csv.DictReader(table.to_csv().splitlines()))

@@ -90,7 +90,7 @@ def test_a_link_out_of_the_folder_is_called_a_link(laboratory, run_cli):
     ({"test.response.real": "aa"}, "a.csv: line 1: no column named 'aa'; did you mean 'a'? known: 'f'"),
     ({"test.response.unit": "milimeter"}, "test.response.unit: 'milimeter' is not known; write a unit"),
     ({"test.response.unit": "N"}, "test.response.unit: 'N' is a force, but m (a length) is needed"),
-    ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' makes no N of N; unit is that of"),
+    ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' leads from numbers in N to no N; unit"),
     ({"test.level": {"value": "1 mm"}}, "test.level.value: '1 mm' is a length, but N"),
     ({"test.level": {"column": "F", "unit": "mm"}}, "test.level.unit: 'mm' is a length, but N (a force)"),
     ({"identify": {"holdout": [1]}}, "identify.holdout: is not a key here; did you mean 'hold_out'?"),

@@ -29,14 +29,14 @@ def modal_command(case: OneCase, data: Data = None, json: Json = False) -> int:
         tested = obtain_table(loaded)
     table = modal_table(tested, loaded.model)
     modal = Modal(table, held_out=score_held_out(table, tested))
-    said = [sentence(finding) for finding in table.findings]
     if json:
+        said = [sentence(finding) for finding in table.findings]
         print_json({"case": loaded.name, "modal": modal_entry(modal), "warnings": said})
         return USABLE_RESULT
     for line in str(table).splitlines()[: 2 + len(table)]:
         print_line(line)
-    for text in said:
-        print_line(f"note: {text}")
+    for finding in table.findings:
+        print_line(str(finding))
     for item in modal.held_out:
         scored = len(item.frequency) - item.missing
         error = f", error {number(100 * item.error, 2)} %" if scored else ": outside the table"
