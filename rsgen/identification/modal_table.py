@@ -40,6 +40,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
+from rsgen.data.surface.mode_findings import levels_tested
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts, within_half_power
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.forward import ErrorsInVariables
@@ -55,7 +56,6 @@ from rsgen.identification.fitting.points import (
     count_amplitudes,
     gap_of,
     held_amplitudes,
-    levels_tested,
     loop_error,
     mass_sure,
     near_resonance,

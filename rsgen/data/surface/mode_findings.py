@@ -19,9 +19,11 @@ from rsgen.common.tolerances import (
     RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.free_mode import Kinematics, estimate_mass, fit_mode, hats, steady
-from rsgen.data.record_set import LEVEL_TOLERANCE
+from rsgen.data.history.record import MAX_LEVEL_SPREAD
+from rsgen.data.record_set import LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
+from rsgen.data.surface.columns import group_forces
 from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface, without_copies
 
 _FACTORS_OF_MASS = {
     "pound": 1 / 0.45359237, "pound-force": 4.4482216, "inch": 25.4, "hundred": 100.0, "million": 1e6,
@@ -192,3 +194,19 @@ def order_findings(surface: ResponseSurface) -> list[Finding]:
             found = "levels"
     numbers = quantities(levels=count, points=points)
     return [Finding("levels-disagree", "doubt", "", numbers, {"rows": found})] if found else []
+
+
+def levels_tested(surface: ResponseSurface) -> ResponseSurface:
+    """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
+    surface = without_copies(surface)
+    surface, level = replace(surface, findings=(*surface.findings, *order_findings(surface))), surface.level
+    if not (surface.response_held and len(surface.levels) == len(surface)):
+        return surface
+    group = group_forces(level, MAX_LEVEL_SPREAD)
+    runs = [level[group == number] for number in np.unique(group)]
+    if any(len(run) < MIN_POINTS_OF_RUN or run.max() > (1 + MAX_LEVEL_SPREAD) * run.min() for run in runs):
+        return surface
+    numbers = quantities(points=len(surface), levels=len(runs))
+    said = Finding("levels-disagree", "warning", "", numbers, {"by": "amplitude"})
+    middle = np.array([np.median(run) for run in runs])[group]
+    return replace(surface, level=middle, findings=(*surface.findings, said))

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, take_rows
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     ASSUMED_RELATIVE_NOISE,
     NOISE_RATIO_BY_CHANCE,
@@ -24,14 +23,10 @@ from rsgen.common.tolerances import (
     STANDARD_ERRORS_OF_DIFFERENCE,
 )
 from rsgen.data.history.envelope import NOISE_OF_SLOPE
-from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
-from rsgen.data.record_set import MIN_POINTS_OF_RUN
-from rsgen.data.surface.columns import group_forces
-from rsgen.data.surface.mode_findings import order_findings
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
-from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within_half_power, without_copies
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within_half_power
 from rsgen.law.motion import Motion, feeds_exciter
 
 Test = TypeVar("Test", ResponseSurface, MultisineSpectra)
@@ -391,22 +386,6 @@ def held_amplitudes(mode: Points) -> Array:
     for rows in _amplitude_groups(held):
         held[rows] = np.mean(held[rows])
     return held
-
-
-def levels_tested(surface: ResponseSurface) -> ResponseSurface:
-    """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
-    surface = without_copies(surface)
-    surface, level = replace(surface, findings=(*surface.findings, *order_findings(surface))), surface.level
-    if not (surface.response_held and len(surface.levels) == len(surface)):
-        return surface
-    group = group_forces(level, MAX_LEVEL_SPREAD)
-    runs = [level[group == number] for number in np.unique(group)]
-    if any(len(run) < MIN_POINTS_OF_RUN or run.max() > (1 + MAX_LEVEL_SPREAD) * run.min() for run in runs):
-        return surface
-    numbers = quantities(points=len(surface), levels=len(runs))
-    said = Finding("levels-disagree", "warning", "", numbers, {"by": "amplitude"})
-    middle = np.array([np.median(run) for run in runs])[group]
-    return replace(surface, level=middle, findings=(*surface.findings, said))
 
 
 def amplitudes_near(points: Points | ResponseSurface) -> Array:

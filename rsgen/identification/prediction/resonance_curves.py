@@ -53,6 +53,7 @@ from rsgen.identification.prediction.prediction_result import (
     contradicted_sweep,
     force_changes,
     known_beyond,
+    largest_of_curve,
     missed_findings,
     missing_findings,
     score_points,
@@ -560,35 +561,7 @@ def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) 
     if not asked or found.model.sensors or not isfinite(found.mass):
         return []
     band = (0.0, inf) if getattr(test, "decays", False) else found.frequency_range
-    return [_largest(curve, test.base, band) for curve in predict(found, asked)]
-
-
-def _largest(curve: ResonanceCurve, base: str, band: tuple[float, float]) -> Finding:
-    """State the largest amplitude of a curve, and in the tested band [Hz], its interval, and jumps."""
-    numbers = {"level": Quantity(curve.level, curve.level_unit)}
-    if len(curve.frequency):
-        top = int(np.nanargmax(curve.amplitude))
-        ends = curve.lower, curve.amplitude, curve.upper
-        low, size, high = (float(of[top]) for of in ends)
-        numbers |= quantities("Hz", at=float(curve.frequency[top]))
-        inside = curve.stable & (curve.frequency >= band[0]) & (curve.frequency <= band[1])
-        if inside.any() and not band[0] <= curve.frequency[top] <= band[1]:
-            most = int(np.argmax(np.where(inside, curve.amplitude, 0.0)))
-            least, most_inside, largest = (float(of[most]) for of in ends)
-            numbers |= quantities("Hz", inside_at=float(curve.frequency[most]))
-            numbers |= quantities("m", inside=most_inside)
-            numbers |= quantities("m", inside_low=least, inside_high=largest) if least < largest else {}
-        if curve.rises_at_end:
-            numbers |= quantities("m", reached=size)
-        else:
-            numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
-    jumps = ", ".join(f"{jump.replace(' ', ' Hz in a sweep ')}" for jump in curve.jumps)
-    beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
-    folds = "folds" if len(curve.frequency) and np.isnan(curve.multiplier).all() else ""
-    said = {"base": base, "jumps": jumps, "beyond": beyond, "stability": folds, **curve.lost}
-    return Finding(
-        "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
-    )
+    return [largest_of_curve(curve, test.base, band) for curve in predict(found, asked)]
 
 
 def _shown_levels(surface: ResponseSurface, identification: Identification) -> list[float]:
