@@ -177,7 +177,7 @@ def order_findings(surface: ResponseSurface) -> list[Finding]:
     levels one after the other.
     """
     levels, count = list(dict.fromkeys(surface.level.tolist())), len(surface.levels)
-    points = len(surface) // count
+    points = len(surface) // max(count, 1)
     enough = count >= _MIN_LEVELS and points >= _MIN_POINTS and points * count == len(surface)
     if not enough or surface.control not in ("force", "response"):
         return []

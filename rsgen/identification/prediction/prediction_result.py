@@ -23,9 +23,11 @@ from rsgen.common.tolerances import (
     MAX_ERROR_TO_MISFIT,
     RELATIVE_CHANGE_NEGLIGIBLE,
 )
-from rsgen.data.record_set import level_name
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.record_set import level_name, match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.results import Identification
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
 
@@ -281,6 +283,22 @@ def known_beyond(
 def named(item: HeldOutLevel | PredictedRecord) -> dict[str, str]:
     """Return the label of a level as a finding has it; empty without one."""
     return {"label": item.label} if item.label else {}
+
+
+def held_by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
+    """Find held-out numbers that are the label of one level and the amount of another."""
+    findings: list[Finding] = []
+    if test.label is None:
+        return ()
+    for asked in found.model.observation.hold_out:
+        label, amount = match_level(np.unique(test.label), asked), match_level(test.levels, asked)
+        if label is None or amount is None:
+            continue
+        meant = float(test.level[test.label == label][0])
+        if amount != meant:
+            numbers = quantities(label=asked, level=Quantity(meant, test.level_unit))
+            findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
+    return tuple(findings)
 
 
 def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:

@@ -28,7 +28,6 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
-from rsgen.data.record_set import match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, within
 from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.points import Points
@@ -52,6 +51,7 @@ from rsgen.identification.prediction.prediction_result import (
     choose_levels,
     contradicted_sweep,
     force_changes,
+    held_by_label,
     known_beyond,
     largest_of_curve,
     missed_findings,
@@ -203,7 +203,7 @@ def _along(found: Identification) -> list[Finding]:
 def predict_records(found: MultisineIdentification) -> Prediction:
     """Predict the held-out records of a multisine; state the levels that were asked for."""
     scored = rsgen.identification.predict_multisine(found)
-    meant = (*_by_label(found, found.spectra), *_asked_for(found, found.spectra))
+    meant = (*held_by_label(found, found.spectra), *_asked_for(found, found.spectra))
     return replace(scored, findings=(*meant, *scored.findings))
 
 
@@ -217,29 +217,13 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
     surface
         The test that was identified, held-out levels included.
     """
-    meant = (*_by_label(found, surface), *_asked_for(found, surface))
+    meant = (*held_by_label(found, surface), *_asked_for(found, surface))
     if not (found.model.observation.hold_out and isfinite(found.mass)):
         return Prediction((), (), meant)
     surface = within(surface.on_mass(found.mass), found.model.observation.band)
     held = surface.held_out(found.model.observation.hold_out)
     held_out = _score(found, balance_of(found), surface, held)
     return Prediction((), held_out, (*meant, *missing_findings(held_out), *missed_findings(held_out)))
-
-
-def _by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
-    """Find held-out numbers that are the label of one level and the amount of another."""
-    findings: list[Finding] = []
-    if test.label is None:
-        return ()
-    for asked in found.model.observation.hold_out:
-        label, amount = match_level(np.unique(test.label), asked), match_level(test.levels, asked)
-        if label is None or amount is None:
-            continue
-        meant = float(test.level[test.label == label][0])
-        if amount != meant:
-            numbers = quantities(label=asked, level=Quantity(meant, test.level_unit))
-            findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
-    return tuple(findings)
 
 
 def _levels(
