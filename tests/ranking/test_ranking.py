@@ -200,8 +200,39 @@ def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, fou
     if len(found) == 1:
         assert best.values["k_"] == pytest.approx(values["kg"], rel=0.05)
     else:
-        (best_law,) = [f for f in ranking.findings if f.code == "law-fits-best"]
-        assert "dead-zone" in best_law.names["tied"]
+        (doubt,) = [f for f in ranking.findings if f.severity == "doubt"]
+        assert doubt.code == "even-terms-not-seen"
+        assert found - {best.name} <= set(doubt.names["other"].split(", "))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("stiffer", "rest", "levels", "told"), [
+    (1.7, -4e-4, (0.3, 0.8), True),
+    # half of the stiffness on both sides fits as well
+    (0.5, -7e-4, (0.3, 1.0), False),
+])  # fmt: skip
+def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, told) -> None:
+    """A dead zone stood first and was identified: the search began where the stop moves the mean most."""
+    k, m, c = 6e3, 1.5, 1.9
+    oscillator = rsgen.Oscillator(
+        m, "k*x + c*v + kg*Max(x - b, 0)", {"k": k, "c": c, "kg": stiffer * k, "b": rest}
+    )
+    natural = np.sqrt(k / m) / (2 * np.pi)
+    grid = natural * np.linspace(0.8, 1.2 * np.sqrt(1 + stiffer), 50)
+    forces = [level * 1e-3 * c * 2 * np.pi * natural for level in levels]
+    plan = rsgen.SimulatedTest(forces, grid, harmonics=1, noise_relative=7e-3 if told else 5e-3, seed=2)
+    table = rsgen.simulate(oscillator, plan)
+    table = changed(table, harmonics=table.harmonics * [np.nan, 1])
+    names = ("one-sided-stop", "two-sided-stop", "dead-zone", "cubic-spring", "quadratic-spring")
+    ranking = rank(table, [laws[name] for name in names])
+    best = ranking.candidates[0]
+    assert best.name == "one-sided-stop"
+    # from its place of rest it opens, and loses its stiffness
+    assert best.values["k_"] == pytest.approx(-stiffer * k, rel=0.05)
+    assert best.values["b"] == pytest.approx(-rest / (1 + stiffer), rel=0.01)
+    doubts = [(f.code, f.names["other"]) for f in ranking.findings if f.severity == "doubt"]
+    assert doubts == ([] if told else [("even-terms-not-seen", "dead-zone")])
+    assert ranking.verdict.state == ("identified" if told else "doubtful")
 
 
 @pytest.mark.slow

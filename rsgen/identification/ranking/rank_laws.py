@@ -19,7 +19,7 @@ from math import inf, nan
 
 import numpy as np
 
-from rsgen.common.errors import RsgenError, known_arguments, require
+from rsgen.common.errors import RsgenError, known_arguments, listed, require
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
@@ -55,6 +55,7 @@ from rsgen.identification.ranking.ranking_result import (
     misfit_of_rows,
     name_powers,
     order_candidates,
+    symmetry_doubts,
     values_of_same,
 )
 from rsgen.identification.ranking.records import RecordTest
@@ -324,10 +325,11 @@ def _settle_best(
     that of laws that contain this one and are not better by ``STRONG_EVIDENCE``. Where it fits worse along
     its own motion, that BIC counts.
 
-    After ``_LEADERS`` laws the next is the best in any case. One with a misfit that nothing explains is not
-    identified: the ranking rejects it.
+    After ``_LEADERS`` laws the next is the best in any case, with a fault if the test does not determine it.
+    One with a misfit that nothing explains is not identified: the ranking rejects it.
     """
     current, identified = last.round, dict[int, Identification]()
+    fault: RsgenError | None = None
     count = [len(fit.candidate.values) for fit in candidates]
     # which law is the best some of many points settle, and its values all of them
     many = surface if isinstance(surface, ResponseSurface) and len(surface) > 2 * SUBSAMPLE_POINTS else None
@@ -357,7 +359,9 @@ def _settle_best(
                 continue
         # fundamentals determine an even force and a cubic one together, neither by itself
         together = last.test.first.odd_alone and best.candidate.law.even
-        undetermined = [one.name for one in found if one.finding is not None and not together]
+        undetermined = [
+            one.name for one in found if one.finding and not (together and one.finding.code != "no-effect")
+        ]
         before = bic[number]
         within = {one.name: one.interval for one in found}
         whole = [(name, n) for name, n in whole_powers(best) if within[name][0] <= n <= within[name][1]]
@@ -369,6 +373,8 @@ def _settle_best(
             own_bic = before + float(np.square(own_misfit / misfit) - 1.0) * best.chi_squared
             raised, parameters = max((raised, parameters), (own_bic, count[number]))
         if raised <= before or len(identified) > _LEADERS:
+            if raised > before and undetermined:
+                fault = RsgenError(f"the test does not determine {listed(undetermined)}")
             break
         for i, fit in enumerate(candidates):
             if fit is best or (before - bic[i] < STRONG_EVIDENCE and lacks(best, fit, fit.candidate.values)):
@@ -378,7 +384,7 @@ def _settle_best(
             found = identify(many, model)
         except RsgenError as refused:
             return order, None, refused
-    return order, found, None
+    return order, found, fault
 
 
 def _ranking(
@@ -419,6 +425,7 @@ def _ranking(
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
+    doubts += symmetry_doubts(current, ordered, rows)
     assessment = assess_best(current, best, rows, doubts)
     findings = name_powers(assessment.findings, ordered, rows)
     findings += (test.left_out,) if test.left_out else ()

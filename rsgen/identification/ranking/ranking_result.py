@@ -458,6 +458,25 @@ def name_powers(
     return tuple(replace(f, names={**f.names, **names}) if f.code in best else f for f in findings)
 
 
+def symmetry_doubts(
+    current: Round, ordered: Sequence[CandidateFit], candidates: Sequence[Candidate]
+) -> list[Finding]:
+    """Doubt a law that fundamentals do not tell from one as simple that is odd where it is not, or not odd.
+
+    A stop on one side has the odd part of stops on both sides of half the stiffness.
+    """
+    first = candidates[0]
+    other = [
+        one.label
+        for fit, one in zip(ordered, candidates, strict=False)
+        if one.tied and one.parameters <= first.parameters
+        if fit.candidate.law.odd != ordered[0].candidate.law.odd
+    ]
+    if not (other and current.rows.odd_alone) or current.misfit(ordered[0]).unexplained:
+        return []
+    return [Finding("even-terms-not-seen", "doubt", names={"law": first.label, "other": listed(other)})]
+
+
 def _overfitting_findings(fitted: float, first: Candidate) -> list[Finding]:
     """Find that the first candidate predicts levels clearly worse than it fits them: overfitting."""
     if not first.held_out_error > NOISE_RATIO_BY_CHANCE * max(fitted, MISFIT_NEGLIGIBLE):

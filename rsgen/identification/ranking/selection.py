@@ -110,8 +110,10 @@ class _TermColumns:
         for term in terms:
             names = term.law.parameters
             order = [names.index(name) for name in (*term.linear, *term.search)]
+            # a preloaded stop has the odd force of one that opens, which moves the mean less
+            opens = term.how.mirror and rows.odd_alone
             ranges = [
-                [interval.factor(size, speed) * value for value in interval.values]
+                [interval.factor(size, speed) * value for value in interval.values if value > 0 or not opens]
                 for interval in term.search.values()
             ]
             trials = list(product(*ranges))
