@@ -96,6 +96,7 @@ from rsgen.identification.soundness import (
     feeding_findings,
     gain_findings,
     joint_findings,
+    left_out,
     limit_findings,
     name_exchanged,
     nearly_held,
@@ -385,13 +386,19 @@ class Findings:
             level, frequency = self.surface.level[left], self.surface.frequency[left]
             names["where"] = points_at(level, frequency, self.surface.level_unit)
         found = [Finding("points-excluded", "info", numbers=numbers, names=names)]
-        return (found if unsettled > 0 else []) + exclusion_findings(
-            self.points,
-            ~self.fit.regression.used,
-            len(self.surface),
-            self.surface.level_unit,
-            decays=self.surface.decays,
-            stopped=stopped_points(self.points, self.fit),
+        fold = self.fit.beyond_fold
+        more = [left_out("fold", self.points, fold, self.surface.level_unit)] if fold.any() else []
+        return (
+            (found if unsettled > 0 else [])
+            + more
+            + exclusion_findings(
+                self.points,
+                ~(self.fit.regression.used | fold),
+                len(self.surface),
+                self.surface.level_unit,
+                decays=self.surface.decays,
+                stopped=stopped_points(self.points, self.fit),
+            )
         )
 
     def _release(self) -> list[Finding]:

@@ -202,3 +202,23 @@ def test_points_left_out_have_a_reason():
     expected[row == 20] = "excluded"
     assert curve.reason.tolist() == expected.tolist()
     assert np.array_equal(curve.reason == "", curve.used)
+
+
+def test_points_beyond_a_fold_that_a_falling_force_holds_are_no_warning() -> None:
+    """An exciter without a controller keeps motions that no held force keeps: they were said to disagree."""
+    values, damper = {"k": 6e3, "c": 2.0, "k3": 4e8, "Ff": 0.2}, 8.0
+    law, grid = "k*x + c*v + k3*x**3 + Ff*sign(v)", np.linspace(9, 14, 50)
+    # the exciter is a damper of the structure, and what it takes is no force on the structure
+    driven = Oscillator(1.5, law, {**values, "c": values["c"] + damper})
+    test = simulate(driven, SimulatedTest([0.6, 1.2, 2.4, 4.8], grid))
+    random = np.random.default_rng(1)
+    noise = 1 + 0.004 * (random.standard_normal((2, len(test))) + 1j * random.standard_normal((2, len(test))))
+    motion = test.harmonics[:, 1]
+    force = (test.force - 1j * test.omega * damper * motion) * noise[0]
+    found = identify(ResponseSurface(test.level, test.frequency, force, motion * noise[1]), law)
+    assert found.verdict.state == "identified"
+    assert found["Ff"].value == pytest.approx(0.2, rel=0.01)
+    (excluded,) = (f for f in found.findings if f.code == "points-excluded")
+    assert (excluded.severity, excluded.names["by"]) == ("info", "fold")
+    assert 2 <= excluded["excluded"] <= 5
+    assert excluded.names["where"].startswith("1.2 N at")

@@ -37,13 +37,16 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
+    MAX_LINEAR_CHANGE,
     MAX_NEWTON_STEPS,
     MIN_GAIN_OF_STEP,
     MIN_NULL_COMPONENT,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NEAR_STEPS,
+    OUTLIER_SIGMAS,
     RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
     STANDARD_ERRORS_OF_DIFFERENCE,
@@ -222,6 +225,29 @@ class Fit:
             distance = np.abs(np.abs(points.harmonics[:, 2]) - np.abs(self.harmonics[:, 2]))
             late = self.symmetry_broken & (distance > RELATIVE_CHANGE_NEGLIGIBLE * points.amplitude)
         return late & (np.mean(late) < _MAX_SHARE_PASSED_LATE)
+
+    @property
+    def beyond_fold(self) -> NDArray[np.bool_]:
+        """True (n,) where the law has the measured force, but no steady state on this branch holds it.
+
+        Where the force of an exciter falls as the motion grows, the motion stays beyond a fold of the curve
+        at one force, or so near to it that noise of the force leads beyond.
+        """
+        lost = np.isnan(self.regression.misfit)
+        if self.problem.law.acts_across or not lost.any():
+            return np.zeros_like(lost)
+        points = self.problem.observed.mode(self.background)
+        forward = _forward(self.problem, self.regression.parameters, points, BALANCE_HARMONICS)
+        at = forward(self.values, self.mass, points.amplitude)
+        size, seen = np.abs(at.force), points.force / points.harmonics[:, 1] * points.amplitude
+        # of a law that misses by far no point is near
+        near = (
+            np.abs(at.force - seen)
+            < min(OUTLIER_SIGMAS * self.regression.sigma, RELATIVE_ERROR_DOUBTFUL) * size
+        )
+        return (
+            lost & at.valid & near & ((np.conj(at.force) * at.force_slope).real < MAX_LINEAR_CHANGE * size**2)
+        )
 
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""

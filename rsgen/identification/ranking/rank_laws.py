@@ -418,7 +418,7 @@ def _ranking(
         f
         for f in (found.findings if found else surface.findings)
         if f.severity in ("doubt", "error")
-        or f.code in ("law-does-not-fit", "even-terms-not-seen", "sensor-offset")
+        or {f.code, f.names.get("by")} & {"law-does-not-fit", "even-terms-not-seen", "sensor-offset", "fold"}
     ]
     if found is None and isinstance(test, PointTest) and test.observed.feeds_exciter:
         doubts.insert(0, Finding("structure-feeds-exciter", "error"))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import inf, nan
+from math import inf
 from textwrap import wrap
 from typing import Any
 
@@ -346,9 +346,9 @@ def assess_best(
             _best_law_finding(candidates, current, known=left.known, sure=sure, systematic=systematic)
         )
     findings += doubts
-    # what the identification doubts is not said again
+    # what the identification says of them is not said again
     said = [finding.numbers.get("level") for finding in doubts if finding.code == "points-excluded"]
-    findings += [one for one in current.exclusions(best) if one.numbers.get("level", nan) not in said]
+    findings += [one for one in current.exclusions(best) if one.numbers.get("level") not in said]
     findings += _sample_findings(current, candidates[0].parameters)
     fits = left.known and not impossible and not left.unexplained
     return Assessment(fits, left.unexplained, tuple(findings))
