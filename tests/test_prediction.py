@@ -216,6 +216,19 @@ def test_a_level_at_which_friction_holds_the_mass_is_a_finding():
     assert "friction of 10 N holds the mass" in sentence(stuck.findings[0])
 
 
+def test_a_curve_just_above_sticking_says_how_far_the_motion_in_time_is_from_its_peak():
+    """It was 19 % low there, and nothing said so."""
+    rig = Oscillator(1.5, "k*x + c*v + Ff*sign(v)", {"k": 6e3, "c": 2.0, "Ff": 0.5})
+    curves = predict(rig, [0.65, 0.9], band=(9.6, 10.4))
+    (said,) = curves.findings
+    assert (said.code, said["level"], said["highest"]) == (
+        "no-steady-state", 0.65, np.nanmax(curves[0.65].amplitude)
+    )  # fmt: skip
+    exact = simulate(rig, SimulatedTest([0.65], said["frequency"] - np.array([0.1, 0.0])))
+    assert said["exact"] == pytest.approx(np.abs(exact.harmonics[-1, 1]), rel=1e-3)
+    assert said["exact"] > 1.15 * said["highest"]
+
+
 @pytest.mark.parametrize("asked", [None, [0.8]])
 def test_levels_of_a_driven_base_are_accelerations_with_a_mass_too(asked):
     rig = Oscillator(2.0, "k*x + k3*x**3 + c*v", {"k": 2e4, "k3": 5e9, "c": 4.0})

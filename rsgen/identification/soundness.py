@@ -74,7 +74,7 @@ _MIN_PIECE_OF_RUN = 0.1
 _MAX_EXCLUDED_SHARE_OF_RUN = 0.25
 """Share of excluded points of a run from which on the run disagrees with the law."""
 
-_MAX_FORCE_TO_FRICTION = 1.5
+MAX_FORCE_TO_FRICTION = 1.5
 """Amplitude of the force over that of dry friction up to which the mass may stop for parts of a cycle: 4/pi
 at resonance (Den Hartog, Trans. ASME 53, 1931), and noise."""
 
@@ -192,7 +192,7 @@ def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
 def nearly_held(points: Points, law: ForceLaw, values: Array) -> NDArray[np.bool_]:
     """(n,) points whose force hardly overcomes dry friction, up to which the law holds the mass at rest."""
     friction = law.dry_friction(ROUND_OFF * float(np.max(points.amplitude * points.omega)), values)
-    return np.asarray(np.abs(points.force) < _MAX_FORCE_TO_FRICTION * friction)
+    return np.asarray(np.abs(points.force) < MAX_FORCE_TO_FRICTION * friction)
 
 
 def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:

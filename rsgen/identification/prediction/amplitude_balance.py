@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Quantity, quantities
 from rsgen.common.tolerances import (
     ANY_LAW,
     BALANCE_HARMONICS,
@@ -29,7 +28,6 @@ from rsgen.common.tolerances import (
     MAX_LINEAR_CHANGE,
     MAX_TRIAL_STEPS,
     RELATIVE_CHANGE_NEGLIGIBLE,
-    ROUND_OFF,
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
     START_HARMONICS,
@@ -48,7 +46,7 @@ from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
-from rsgen.identification.prediction.prediction_result import BEYOND, ResonanceCurve, force_changes
+from rsgen.identification.prediction.prediction_result import BEYOND, force_changes
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
@@ -576,17 +574,3 @@ def _resonant_ranges(
 def force_per_level(found: Identification) -> float:
     """Return the force [N] for each m/s^2 of a driven base: the mass, or 1 where there is none."""
     return found.mass if found.curve.base and np.isfinite(found.curve.units.kilogram) else 1.0
-
-
-def friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Quantity]:
-    """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
-
-    Friction Ff takes 4 Ff X a period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
-    """
-    if not np.isfinite(found.curve.units.kilogram) or len(found.solution) != len(found.model.parameters):
-        return {}
-    rate = 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
-    friction = law_of(found.model.elements).dry_friction(ROUND_OFF * rate, found.solution)
-    least = 4 / np.pi * friction
-    numbers = quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
-    return numbers if curve.force < least else {}

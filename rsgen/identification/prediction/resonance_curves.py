@@ -39,7 +39,6 @@ from rsgen.identification.prediction.amplitude_balance import (
     as_identification,
     balance_of,
     force_per_level,
-    friction_under,
     table_as_identification,
 )
 from rsgen.identification.prediction.prediction_result import (
@@ -51,6 +50,7 @@ from rsgen.identification.prediction.prediction_result import (
     choose_levels,
     contradicted_sweep,
     force_changes,
+    friction_under,
     held_by_label,
     known_beyond,
     largest_of_curve,
@@ -281,9 +281,11 @@ def _findings(
     short = list[tuple[float, tuple[Finding, ...]]]()
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
+        stops = friction_under(found, curve)
+        if len(curve.frequency) == 0 or stops:
+            data = {"level": numbers["level"], **stops}
+            findings.append(Finding("no-steady-state", "warning", numbers=data))
         if len(curve.frequency) == 0:
-            numbers = {"level": numbers["level"], **friction_under(found, curve)}
-            findings.append(Finding("no-steady-state", "warning", numbers=numbers))
             continue
         if isinstance(balance, SynthesisBalance) and curve.rises_at_end:
             rising.append(numbers)
