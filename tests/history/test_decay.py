@@ -508,3 +508,18 @@ def test_noise_is_no_decay_that_is_too_short():
     noise = 1e-3 * np.random.default_rng(5).normal(size=6000)
     with pytest.raises(RsgenError, match="does not fall as a free decay does"):
         from_free_decay(TimeHistory(1000.0, None, noise), mass=0.8)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+@pytest.mark.parametrize("pace", [0.2, -0.4])
+def test_a_growing_motion_is_no_decay(pace, noise):
+    """With noise its end was taken for a decay of seven points, or had 1 period above noise."""
+    t = np.arange(0, 20, 1 / 400)
+    # a record read backwards grows, too
+    motion = (1e-4 * np.exp(pace * t) * np.sin(20 * np.pi * t))[:: int(np.sign(pace))]
+    motion = motion + noise * np.abs(motion).max() * np.random.default_rng(1).normal(size=len(t))
+    with pytest.raises(RsgenError, match=r"near 10 Hz grows and does not fall"):
+        from_free_decay(TimeHistory(400.0, None, motion), mass=1.0)
+    # a decay before it is one
+    decay = np.abs(motion).max() * np.exp(-0.4 * t) * np.sin(20 * np.pi * t)
+    assert len(from_free_decay(TimeHistory(400.0, None, np.concatenate([decay, motion])), mass=1.0)) > 10

@@ -53,6 +53,7 @@ from rsgen.data.history.release import (
     Stretch,
     find_decays,
     force_ends,
+    refuse_growth,
     too_short,
     within_octave,
 )
@@ -316,6 +317,8 @@ def _follow_all(history: TimeHistory, start: float | None, rule: _Rule) -> list[
     """Return every decay of a record; one that is too short is left out if there are others."""
     band = rule.band
     ended = force_ends(history, len(history))
+    if ended is None and start is None:
+        refuse_growth(history, _strongest(history.response, history, band), band)
     loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
     line = _strongest(history.response[loudest if ended is None else ended :], history, band)
     decays, fault = [], None

@@ -130,7 +130,7 @@ def find_decays(
         if held is not None:
             begin, seen, given = held, True, False
         else:
-            begin = max(begin, _after_clipping(history, begin, end))
+            begin = max(begin, _after_clipping(history, min(begin, end - 1), end))
         rises = after < len(high) and _slowly(high[top : after + 1])
         falls = (
             len(part) < _MIN_SPECTRA
@@ -175,6 +175,19 @@ def _slowly(high: Array) -> bool:
     """Return whether the amplitude (logarithm, n) rises to its last value more slowly than after a blow."""
     low = np.flatnonzero(high < high[-1] - _MIN_RISE)
     return len(high) - 1 - int(low[-1]) > _SPECTRA_OF_BLOW
+
+
+def refuse_growth(history: TimeHistory, line: float, band: tuple[float, float] | None) -> None:
+    """Refuse a record whose amplitude near a ``line`` [Hz] grows, more slowly than by a blow, to its end."""
+    high = _amplitudes(history.response, history.rate, line, band)
+    if len(high) and float(high[-1] - np.min(high)) > _MIN_RISE and _slowly(high):
+        # with more tops others may fall
+        (first, *others) = _tops(high)
+        if others or float(high[first] - high[-1]) > _MIN_FALL:
+            return
+        raise MeasurementError(
+            f"{history.label}: the motion near {line:.4g} Hz grows and does not fall; a free decay is needed"
+        )
 
 
 def _release(history: TimeHistory, onset: int, end: int, line: float) -> tuple[int, bool]:
