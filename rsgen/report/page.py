@@ -234,7 +234,9 @@ def _verdict_context(
         "mark": sentences.MARKED.get(verdict.state, ""),
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
-        "verdict_table": tables.verdict_table(comparison, mass_lines(identification, rms=subject.says_rms)),
+        "verdict_table": tables.verdict_table(
+            comparison, mass_lines(identification, rms=subject.scale_is_sure)
+        ),
         "alternative_table": tables.alternative_table(identification),
         "meaning": [
             *describe_elements(subject.elements, identification, modal).items(),

@@ -201,10 +201,12 @@ class Subject:
     case: Case | None = None
 
     @property
-    def says_rms(self) -> bool:
-        """True where a case says that amplitudes are root mean squares."""
+    def scale_is_sure(self) -> bool:
+        """True where a case says that amplitudes are root mean squares, or reads samples, which are none."""
         test = None if self.case is None else self.case.test
-        return isinstance(test, MeasuredTest) and any(channel.scale == "rms" for channel in test.sources)
+        return isinstance(test, MeasuredTest) and (
+            test.history is not None or any(channel.scale == "rms" for channel in test.sources)
+        )
 
     @classmethod
     def of_case(cls, case: Case, identification: Identification) -> Subject:

@@ -181,7 +181,7 @@ def build_result(
         "passed": comparison.passed,
         "verdict": state_verdict(verdict),
         "outcome": sentence(identification.outcome),
-        "mass_notes": mass_lines(identification, rms=subject.says_rms),
+        "mass_notes": mass_lines(identification, rms=subject.scale_is_sure),
         "warnings": list(map(sentence, findings)),
         "findings": [finding.to_dict() for finding in findings],
         "mass": finite_or_none(identification.mass),

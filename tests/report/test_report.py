@@ -508,3 +508,10 @@ def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked
     (cut,) = resonance_course(replace(found, frequency_range=(16.5, 21.0)))
     assert cut.names["beyond"] == f"{cut['frequency_last']:.4g} Hz"
     assert f"(beyond the tested band: {cut['frequency_last']:.4g} Hz)" in sentence(cut)
+
+
+@pytest.mark.parametrize(("name", "sure"), [("mat-sweep", True), ("csv-table", False)])
+def test_samples_are_no_root_mean_squares(name: str, sure: bool):
+    """What changes where both are rms was said of sampled sweeps, too, of which a case refuses "rms"."""
+    case = rsgen.load_case(Path(__file__).parents[2] / "cases" / "formats" / f"{name}.toml")
+    assert Subject("", "", "", (), case=case).scale_is_sure is sure

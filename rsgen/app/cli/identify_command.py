@@ -55,7 +55,7 @@ def identify_command(case: OneCase, data: Data = None, json: Json = False) -> in
     law = table.caption.partition("\n")[2]
     notes = (
         *table.notes[:1],
-        *mass_lines(identification, rms=Subject.of_case(loaded, identification).says_rms),
+        *mass_lines(identification, rms=Subject.of_case(loaded, identification).scale_is_sure),
     )
     terminal.print_block("", str(replace(table, caption=law, notes=notes)))
     terminal.print_line(sentence(identification.outcome))
