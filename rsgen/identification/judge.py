@@ -320,8 +320,8 @@ class Findings:
         known = sum(estimate.identifiable for estimate in self.estimates)
         if 2 * known < len(self.estimates):
             numbers = quantities(known=known, parameters=len(self.estimates)) if known else {}
-            names = {} if self.model.mass is None else {"mass": "given"}
-            found.append(Finding("nothing-identifiable", "doubt", "", numbers, names))
+            given = {"mass": "given"} if self.model.mass is not None else {}
+            found.append(Finding("nothing-identifiable", "doubt", "", numbers, given))
         kept = self.points.select(fit.regression.used)
         found += resonance_findings(kept, self.model.fixed, law, self.estimates, fit.regression.rms_misfit)
         found += feeding_findings(self.points, fit, self.stated.of_law)
@@ -385,20 +385,17 @@ class Findings:
         if unsettled > 0 and not said:
             level, frequency = self.surface.level[left], self.surface.frequency[left]
             names["where"] = points_at(level, frequency, self.surface.level_unit)
-        found = [Finding("points-excluded", "info", numbers=numbers, names=names)]
+        found = [Finding("points-excluded", "info", numbers=numbers, names=names)] if unsettled > 0 else []
         fold = self.fit.beyond_fold
-        more = [left_out("fold", self.points, fold, self.surface.level_unit)] if fold.any() else []
-        return (
-            (found if unsettled > 0 else [])
-            + more
-            + exclusion_findings(
-                self.points,
-                ~(self.fit.regression.used | fold),
-                len(self.surface),
-                self.surface.level_unit,
-                decays=self.surface.decays,
-                stopped=stopped_points(self.points, self.fit),
-            )
+        if fold.any():
+            found.append(left_out("fold", self.points, fold, self.surface.level_unit))
+        return found + exclusion_findings(
+            self.points,
+            ~(self.fit.regression.used | fold),
+            len(self.surface),
+            self.surface.level_unit,
+            decays=self.surface.decays,
+            stopped=stopped_points(self.points, self.fit),
         )
 
     def _release(self) -> list[Finding]:
@@ -513,9 +510,9 @@ def _require_followed(used: NDArray[np.bool_], model: Model, surface: ResponseSu
     """Refuse a law that no point follows, and name the mass where the points show another one."""
     if used.any():
         return
-    shown = (f for f in mode_findings(surface, model.mass) if f.code == "fixed-contradicted")
-    other = "".join(f" (the points show about {f['fitted']:.3g} kg)" for f in shown)
-    mass = "" if model.mass is None else f" is m = {model.mass:.4g} kg its mass{other},"
+    shown = (f["fitted"] for f in mode_findings(surface, model.mass) if f.code == "fixed-contradicted")
+    mass = "" if model.mass is None else f" is m = {model.mass:.4g} kg its mass"
+    mass += "".join(f" (the points show about {fitted:.3g} kg)" for fitted in shown) + "," * bool(mass)
     raise RsgenError(
         f"law: {model.force} follows none of the {len(used)} points; is this the law, with x for the "
         f"displacement, v for the velocity and every other name a parameter,{mass} and are quantity and unit "

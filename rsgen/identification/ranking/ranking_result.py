@@ -445,7 +445,7 @@ def have_same_terms(one: CandidateFit, other: CandidateFit) -> bool:
 def name_powers(
     findings: tuple[Finding, ...], fits: Sequence[CandidateFit], candidates: Sequence[Candidate]
 ) -> tuple[Finding, ...]:
-    """Name by ``power``, beside the best law, the worse ones that are it with a whole number for a power."""
+    """Name by ``power``, with the best law, the worse ones that are it with a whole number for a power."""
     same = [
         f"{one.label} with {name} = {number}"
         for fit, one in zip(fits, candidates, strict=False)
