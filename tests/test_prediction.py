@@ -721,3 +721,15 @@ def test_levels_asked_of_a_multisine_are_said_to_be_those_of_a_sine():
         assert [f.names.get("by") for f in prediction.findings if f.code == "prediction-extrapolated"] == said
         assert len(prediction.records) == 1
     assert "curves are those under a sine, whose amplitude is the level" in str(prediction)
+
+
+def test_an_amplitude_without_a_motion_ends_no_range_of_a_curve():
+    """Each was refined as two ends of curves: a page with friction of the wrong sign took two minutes."""
+    law = "Piecewise((k1*x, x > 0), (k2*x, True)) + c*v + Fc*sign(v)"
+    oscillator = Oscillator(0.5, law, {"k1": 9900, "k2": 6940, "c": 4.2, "Fc": -0.05})
+    balance = balance_of(as_identification(oscillator, [4.0]))
+    ((low, high),) = balance.spans(4.0, (80.0, 180.0))
+    size, _, force = balance._table
+    inside = (size > low) & (size < high)
+    assert np.isnan(force[inside]).any()
+    assert (force[inside & np.isfinite(force)] <= 4.0).all()

@@ -236,6 +236,11 @@ class AmplitudeBalance:
             self._tabulate(2 * float(size[-1]))
         size, _, force = self._table
         reached = force <= level
+        # an amplitude at which no motion was found, between two that are reached, ends no range
+        known = np.flatnonzero(np.isfinite(force))
+        place = np.searchsorted(known, np.arange(len(force)))
+        lost = np.isnan(force) & (place > 0) & (place < len(known))
+        reached[lost] = reached[known[place[lost] - 1]] & reached[known[place[lost]]]
         edges = np.flatnonzero(np.diff(reached.astype(int)))
         ends = [self._refine_end(float(size[i]), float(size[i + 1]), level) for i in edges]
         if reached[0]:
