@@ -605,6 +605,10 @@ def test_the_command_ranks_the_test_of_a_case(
     assert 'force = "c*v + k*x + k3*x**3" into the case' in text.splitlines()[-1]
     low, high = answer["best"]["k3"]["interval"]
     assert high - low == pytest.approx(float(values[2][4]) - float(values[2][2]), rel=0.05)
+    # which law is the best may hang on a mass that was given
+    assert "m is taken as exact" not in text
+    given = write_small(tmp_path, "given", {"identify.fixed": {"m": MASS}})
+    assert "\nm is taken as exact: its error comes on top" in run_cli("rank", given).out
 
 
 def test_a_candidate_that_cannot_be_fitted_stands_last_with_the_reason() -> None:

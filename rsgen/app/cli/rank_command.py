@@ -19,6 +19,7 @@ from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results import units_of
+from rsgen.identification.results.result import mass_lines
 from rsgen.report.result_json import ranking_entry
 from rsgen.report.sentences import ranking_steps, sentence, state_verdict
 
@@ -76,7 +77,9 @@ def rank_command(
         f"{'best' if best else 'least misfit, not to be used as it is'}: {ranking.candidates[0].force}"
     )
     if best:
-        terminal.print_block("", str(replace(ranking.best.table, caption="", notes=())))
+        # which law is the best may hang on a given mass, too
+        notes = tuple(mass_lines(ranking.best)[:1]) if "m" in ranking.best.model_given.fixed else ()
+        terminal.print_block("", str(replace(ranking.best.table, caption="", notes=notes)))
     else:
         terminal.print_line(f"with {_values(ranking, table)}")
     stated = state_verdict(ranking.verdict)
