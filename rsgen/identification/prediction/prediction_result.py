@@ -227,6 +227,18 @@ class HeldOutLevel(Brief):
         return level_name(self.level, self.level_unit, self.label)
 
 
+def _stable_within(curve: ResonanceCurve, band: tuple[float, float]) -> Array:
+    """Return frequency, amplitude and its interval (k, 4) of stable points in a band [Hz], with its ends."""
+    rows = np.stack([curve.frequency, curve.amplitude, curve.lower, curve.upper], axis=1)
+    parts = [rows[curve.stable & (rows[:, 0] >= band[0]) & (rows[:, 0] <= band[1])]]
+    for end in band:
+        beyond = rows[:, 0] - end
+        at = np.flatnonzero((beyond[:-1] * beyond[1:] < 0) & curve.stable[:-1] & curve.stable[1:])
+        share = (beyond[at] / (beyond[at] - beyond[at + 1]))[:, None]
+        parts.append((1 - share) * rows[at] + share * rows[at + 1])
+    return np.concatenate(parts)
+
+
 def largest_of_curve(curve: ResonanceCurve, base: str, band: tuple[float, float]) -> Finding:
     """State the largest amplitude of a curve, and in the tested band [Hz], its interval, and jumps."""
     numbers = {"level": Quantity(curve.level, curve.level_unit)}
@@ -235,12 +247,11 @@ def largest_of_curve(curve: ResonanceCurve, base: str, band: tuple[float, float]
         ends = curve.lower, curve.amplitude, curve.upper
         low, size, high = (float(of[top]) for of in ends)
         numbers |= quantities("Hz", at=float(curve.frequency[top]))
-        inside = curve.stable & (curve.frequency >= band[0]) & (curve.frequency <= band[1])
-        if inside.any() and not band[0] <= curve.frequency[top] <= band[1]:
-            most = int(np.argmax(np.where(inside, curve.amplitude, 0.0)))
-            least, most_inside, largest = (float(of[most]) for of in ends)
-            numbers |= quantities("Hz", inside_at=float(curve.frequency[most]))
-            numbers |= quantities("m", inside=most_inside)
+        inside = _stable_within(curve, band)
+        if len(inside) and not band[0] <= curve.frequency[top] <= band[1]:
+            place, most, least, largest = map(float, inside[np.argmax(inside[:, 1])])
+            numbers |= quantities("Hz", inside_at=place)
+            numbers |= quantities("m", inside=most)
             numbers |= quantities("m", inside_low=least, inside_high=largest) if least < largest else {}
         if curve.rises_at_end:
             numbers |= quantities("m", reached=size)

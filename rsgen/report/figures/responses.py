@@ -104,6 +104,8 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         if curve is not None and level not in changing:
             held = surface.response_held
             name = curve.name if held else level_name(level, surface.level_unit, surface.label_of(level))
+            if not held and abs(curve.level / level - 1) > RELATIVE_CHANGE_NEGLIGIBLE:
+                name += f" at {curve.name}"
             _draw_curve(axes, curve, scale.factor, colour, name)
             curves.append(curve)
     for curve in () if surface.response_held else prediction.curves:
