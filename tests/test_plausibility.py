@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.data.surface.mode_findings import order_findings
+from rsgen.data.surface.mode_findings import flattening_findings
 from rsgen.data.surface.plausibility import (
     RANGES,
     Sizes,
@@ -225,7 +225,7 @@ def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
 
     def named(level, at, *grids):
         force, motion = (grid.ravel() for grid in grids)
-        found = order_findings(ResponseSurface(level, at, force, motion, control=control))
+        found = flattening_findings(ResponseSurface(level, at, force, motion, control=control))
         return [finding.names["rows"] for finding in found]
 
     right = np.repeat(given, 24), np.tile(frequency, 3)
@@ -234,6 +234,12 @@ def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
     assert not named(*swapped, force.T, motion.T)
     assert named(*swapped, force, motion) == ["levels"]
     assert named(right[0], swapped[1], force, motion) == ["frequencies"]
+    # three readings of each of 24 points of a level, at frequencies of its own, are no exchange
+    readings = right[0], np.repeat(np.linspace(8, 12, 24), 3)
+    level = np.repeat(np.arange(3), 24)
+    h = 1 / (6000 - 1.5 * (2 * np.pi * readings[1]) ** 2 + 8j * 2 * np.pi * readings[1])
+    push = levels[level] if control == "force" else 1e-3 * levels[level] / h
+    assert not named(*readings, push, push * h)
     surface = ResponseSurface(right[0], swapped[1], force.ravel(), motion.ravel(), control=control)
     for found in (rsgen.identify(surface, "k*x + c*v", mass=1.5), rsgen.modal_table(surface, mass=1.5)):
         assert "repeat and numpy.tile" in str(found)

@@ -60,12 +60,15 @@ def _rows(
     return rows
 
 
+_SAMPLING_RATE = re.compile(r"(?i)f_?s$|f?samp\w*_?(rate|freq)|abtast")
+"""Names of a sampling rate, not of a sweep, of frames or of a decay, where no unit says that it is one."""
+
 _MAX_RATE_ERROR = 1e-3
 """Of a rate against the instants in the file: clocks are better, and instants rounded to a step of them."""
 
 
 def _doubts_of_file(test: MeasuredTest, path: Path, rate: float | None, length: int) -> list[Finding]:
-    """Doubt units of channels, and a rate [Hz], that the file contradicts where the case does not read it."""
+    """Doubt units of channels, and a rate [Hz] that the case gives, where the file contradicts them."""
     found: list[Finding] = []
     if rate is None and recognise_format(path) == "csv":
         return found
@@ -102,7 +105,8 @@ def _rates_by(test: MeasuredTest, path: Path, entry: Entry, length: int) -> tupl
         if clues.INCREMENT(entry) or (clues.RATE(entry) and entry.unit in SECONDS):
             return steps, _MAX_RATE_ERROR
         hertz = [HERTZ[entry.unit]] if entry.unit in HERTZ else [HERTZ["Hz"], HERTZ["kHz"]]
-        known = clues.RATE(entry) and entry.unit in ("", *HERTZ)
+        named = not entry.unit and _SAMPLING_RATE.match(clues.last_name(entry))
+        known = clues.RATE(entry) and (entry.unit in HERTZ or named)
         return [entry.low * unit for unit in hertz] if known else [], _MAX_RATE_ERROR
     if entry.size != length or not (clues.TIME(entry) or entry.unit in SECONDS):
         return [], 0.0

@@ -42,7 +42,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
-from rsgen.data.surface.mode_findings import order_findings
+from rsgen.data.surface.mode_findings import flattening_findings
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
@@ -328,7 +328,7 @@ def checked(surface: ResponseSurface) -> ResponseSurface:
     if surface.per_mass and surface.base and not is_misread(surface):
         misread = base_findings(surface, absolute=False, senses=False)
         surface = replace(surface, findings=(*surface.findings, *misread))
-    rows = order_findings(surface)
+    rows = flattening_findings(surface)
     return replace(surface, findings=(*surface.findings, *rows)) if rows else surface
 
 

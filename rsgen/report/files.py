@@ -127,7 +127,7 @@ def write_report(
     elif comparison is None:
         comparison = compare(identification)
     started = time.perf_counter()
-    place = _made(Path(folder))
+    place = _make_folder(Path(folder))
     if case is not None:
         subject = Subject.of_case(case, identification)
     else:
@@ -165,7 +165,7 @@ def write_report(
     return place / "report.html"
 
 
-def _made(folder: Path) -> Path:
+def _make_folder(folder: Path) -> Path:
     """Return a folder, made if missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

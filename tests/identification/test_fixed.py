@@ -270,7 +270,7 @@ def test_what_a_given_mass_moves_is_that_of_the_fit():
     name, line, common = asked.outcome.names["moves"], *mass_lines(asked)
     less, more = (rsgen.identify(two_sides(), TWO_SIDES, mass=m)[name].value for m in (0.4995, 0.5005))
     assert asked.outcome["moves"] == pytest.approx((more - less) / asked[name].value / 2e-3, rel=0.1)
-    assert f"1 % of m moves {name} by about −{-asked.outcome['moves']:.2g} %" in line
+    assert f"0.1 % of m moves {name} by about −{-asked.outcome['moves'] / 10:.2g} %" in line
     # of this law both rms read as peak moves the quadratic damper alone
     assert "read as peak, c2 is 1.41 times too large (or the reverse)" in common
     assert mass_lines(asked, rms=True) == [line]

@@ -285,7 +285,7 @@ def test_a_power_whose_interval_holds_a_whole_number_is_the_law_with_this_number
     # of nearly exact data neighbours share what they leave, and BIC was worse by 100
     assert [one.force for one in ranking] == [cubic, power]
     assert ranking[power].values["p"] == pytest.approx(3, abs=0.02)
-    assert f"; {power} with p = 3 is this law" in sentence(ranking.verdict.summary)
+    assert f"; the same law is {power} with p = 3" in sentence(ranking.verdict.summary)
 
 
 @pytest.mark.slow
@@ -844,3 +844,10 @@ def test_the_progress_of_a_ranking_does_not_stand_still_after_its_stages() -> No
     rank(fundamental, [laws[name] for name in names], progress=seen.append)
     assert seen == sorted(seen)
     assert sum(0.5 <= share < 1 for share in seen) >= 2
+
+
+def test_an_exponent_that_is_the_displacement_is_no_power() -> None:
+    # its name was looked up among the values
+    table = measured("cubic")
+    ranking = rank(table, ["k*x + c*v + a*(2**(100*x) - 2**(-100*x))", "k*x + c*v"], mass=MASS)
+    assert {candidate.fault for candidate in ranking} == {""}

@@ -55,7 +55,10 @@ def say_preferred(*places: str | Path) -> str:
     ]
     if len(places) != 2 or len(tests) != 2 or tests[0] != tests[1] or not isinstance(tests[0][0], list):
         return ""
-    found, numbers = [], 2 * max(len(tests[0][0]), 1)
+    # without phases a point is one number
+    unknown = [f for f in entries[0].result["findings"] if f["code"] == "not-recorded"]
+    phases = all(f["names"].get("signal") != "phase" for f in unknown)
+    found, numbers = [], (1 + phases) * max(len(tests[0][0]), 1)
     for place, entry in zip(places, entries, strict=True):
         fit = entry.fit()
         free = sum(one.standard_error != 0 for one in (*fit.estimates, *fit.background))

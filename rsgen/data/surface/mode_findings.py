@@ -169,7 +169,7 @@ def fixed_contradicted(
     return Finding("fixed-contradicted", "doubt", name, numbers, names)
 
 
-def order_findings(surface: ResponseSurface) -> list[Finding]:
+def flattening_findings(surface: ResponseSurface) -> list[Finding]:
     """Return a finding if arrays of a grid, levels x frequencies, were flattened in two orders.
 
     Either each frequency is repeated while levels go one after the other, so that every level has a part of
@@ -179,14 +179,18 @@ def order_findings(surface: ResponseSurface) -> list[Finding]:
     levels, count = list(dict.fromkeys(surface.level.tolist())), len(surface.levels)
     points = len(surface) // max(count, 1)
     enough = count >= _MIN_LEVELS and points >= _MIN_POINTS and points * count == len(surface)
-    if not enough or surface.control not in ("force", "response"):
+    said = any(finding.names.get("rows") for finding in surface.findings)
+    if said or not enough or surface.control not in ("force", "response"):
         return []
     repeated = np.reshape(surface.frequency, (points, count))
     if len(np.unique(repeated)) != points or np.any(repeated != repeated[:, :1]):
         return []
     inside, found = np.repeat(levels, points), ""
     if np.array_equal(surface.level, inside):
-        found = "frequencies"
+        # readings of one point differ by far less than those of its neighbours
+        size = np.log(np.abs(surface.harmonics[:, 1] / surface.force)).reshape(points, count)
+        steps = np.median(np.abs(np.diff(size[:, 0])))
+        found = "frequencies" if np.median(np.ptp(size, axis=1)) > steps / 2 else ""
     elif np.array_equal(surface.level, np.tile(levels, points)) and not surface.base:
         amount = surface.amplitude if surface.response_held else np.abs(surface.force)
         off = [np.abs(np.log(np.fmax(amount, 1e-300) / given)) for given in (inside, surface.level)]
@@ -199,7 +203,10 @@ def order_findings(surface: ResponseSurface) -> list[Finding]:
 def levels_tested(surface: ResponseSurface) -> ResponseSurface:
     """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
     surface = without_copies(surface)
-    surface, level = replace(surface, findings=(*surface.findings, *order_findings(surface))), surface.level
+    surface, level = (
+        replace(surface, findings=(*surface.findings, *flattening_findings(surface))),
+        surface.level,
+    )
     if not (surface.response_held and len(surface.levels) == len(surface)):
         return surface
     group = group_forces(level, MAX_LEVEL_SPREAD)

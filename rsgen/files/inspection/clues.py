@@ -73,9 +73,9 @@ BASE = _named(
 )
 """Where a structure on a driven base is fixed, or what a shaker's controller holds."""
 RATE = _named(
-    r"^f_?s$|^(?!.*(sweep|strain|flow)).*((?<![a-z])rate(?!d)|(?-i:[a-z]Rate)|samplerate|abtast)|sampling|fsamp|sample_?freq"
+    r"^f_?s$|^(?!.*(sweep|strain|flow)).*((?<![a-z])rate(?!d)|(?-i:[a-z]Rate)|samplerate|abtast)|fsamp|sampl(e|ing)_?freq"
 )
-INCREMENT = _named(r"^(dt|delta_?[xt]|increment|ts|x_?increment|sample_?(time|interval))$")
+INCREMENT = _named(r"^(dt|delta_?[xt]|increment|ts|x_?increment|sampl(e|ing)_?(time|interval|period))$")
 """The time from one sample to the next."""
 _ANGLE_UNITS = ("deg", "°", "rad", "degree", "degrees")
 _PHASE_NAMED = _named(r"phas|phs|phi|φ|(^|[_ ])(lag|ang)(?![a-z])|(?<![a-z])arg|angle|winkel|deg")

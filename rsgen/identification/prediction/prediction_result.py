@@ -149,10 +149,11 @@ def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -
     ``top`` is its largest point, and in ``way`` the peak; a jump is known up to a step of the frequency.
     """
     frequency = run.omega / (2 * np.pi)
-    beyond = (frequency - frequency[top]) * (1 if way == "up" else -1)
+    sense = 1 if way == "up" else -1
+    beyond = (frequency - frequency[top]) * sense
     step = float(beyond[beyond > 0].min(initial=inf))
     for fold, height, direction in _directed_folds(curve):
-        near = abs(fold - frequency[top]) <= 2 * step < inf and run.amplitude[top] > height
+        near = -step / 2 <= (fold - frequency[top]) * sense <= 2 * step < inf and run.amplitude[top] > height
         if near and direction != way and set(run.sweep) == {way}:
             numbers = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(fold, "Hz")}
             return (Finding("direction-from-branch", "warning", "", numbers, {"by": "jump", "sweep": way}),)
@@ -541,8 +542,10 @@ def friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Qu
     friction = law.dry_friction(ROUND_OFF * rate, found.solution)
     least = 4 / np.pi * friction
     numbers = quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
-    if curve.force < least or not (len(curve.frequency) and curve.force < MAX_FORCE_TO_FRICTION * friction):
+    if not len(curve.frequency):
         return numbers if curve.force < least else {}
+    if curve.force >= MAX_FORCE_TO_FRICTION * friction:
+        return {}
     at = int(np.nanargmax(curve.amplitude))
     frequency, highest = curve.frequency[at], float(curve.amplitude[at])
     place = highest * np.exp(-1j * curve.phase[at]) * np.array([[1, 2j * np.pi * frequency]])

@@ -172,7 +172,7 @@ def lacks(
 def whole_powers(fit: CandidateFit) -> list[tuple[str, int]]:
     """Return the parameters of a law that are powers, with the whole numbers next to their values."""
     found = [atom.exp for force in fit.candidate.forces.values() for atom in force.atoms(sympy.Pow)]
-    powers = sorted({str(exponent) for exponent in found if exponent.is_Symbol})
+    powers = sorted({str(exponent) for exponent in found} & set(fit.candidate.values))
     return [(name, round(fit.candidate.values[name])) for name in powers]
 
 

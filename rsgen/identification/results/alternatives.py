@@ -330,7 +330,7 @@ class Difference:
 def compare_parts(found: Regression, part: NDArray[np.bool_]) -> Difference | None:
     """Compare a part (n,) of the points with the rest; None if no direction is determined by both."""
     rows, residual = found.rows[part], found.residual[part]
-    if not len(rows):
+    if not len(rows) or not np.isfinite(rows).all():
         return None
     share, axes = np.linalg.eigh(np.tensordot(rows, rows, ([0, 1], [0, 1])))
     score = np.einsum("nmr,nm->r", rows, residual)

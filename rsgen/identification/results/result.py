@@ -93,9 +93,11 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     mass = found._estimates.get("m")
     if mass is None or mass.unit != "kg" or not mass.identifiable:
         return []
-    most = found.outcome.names.get("moves", "the linear stiffness")
-    by = number_text(found.outcome.numbers.get("moves", Quantity(1.0)).value, 2)
-    given = f"m is taken as exact: its error comes on top, 1 % of m moves {most} by about {by} %"
+    by = found.outcome.numbers.get("moves", Quantity(1.0)).value
+    # a tenth of a per cent where one is beyond what slopes tell
+    part = 1.0 if abs(by) < 20 else 0.1
+    moved = f"{found.outcome.names.get('moves', 'the linear stiffness')} by about {number_text(part * by, 2)}"
+    given = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
     free = (
         "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what moves, "
         f"and give it under [system] (in Python mass=); a mass other than m = {short(mass.value, 4)} kg "

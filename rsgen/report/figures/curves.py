@@ -147,7 +147,7 @@ def draw_collapse(
         at, heights = levels[i]
         axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
         _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, model.harmonics is None)
-        drawn = [_most_of(cloud) / y.factor, heights / y.factor, line / y.factor]
+        drawn = [_range_shown(cloud) / y.factor, heights / y.factor, line / y.factor]
         if truths is not None:
             course, line = truths[i]
             axes.plot(course / wide, line / y.factor, label="derived, true values", **drawing.TRUTH)
@@ -174,7 +174,7 @@ def _at_resonances(identification: Identification) -> tuple[Array, Array, Array,
     return amplitude, 2 * np.pi * frequency, stiffness, damping
 
 
-def _most_of(cloud: Array) -> Array:
+def _range_shown(cloud: Array) -> Array:
     """Return the range of the points that are shown: not those next to a jump that no law explains."""
     finite = cloud[np.isfinite(cloud)]
     return np.quantile(finite, _QUANTILES_IN_PICTURE) if finite.size else cloud
