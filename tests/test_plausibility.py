@@ -243,3 +243,17 @@ def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
     surface = ResponseSurface(right[0], swapped[1], force.ravel(), motion.ravel(), control=control)
     for found in (rsgen.identify(surface, "k*x + c*v", mass=1.5), rsgen.modal_table(surface, mass=1.5)):
         assert "repeat and numpy.tile" in str(found)
+
+
+def test_exchanged_channels_of_a_held_response_are_named():
+    """The channel that is the force varies more than the motion there, which is no argument against it."""
+    frequency, held = np.tile(np.linspace(8.5, 11.5, 25), 3), np.repeat([0.01, 0.02, 0.04], 25)
+    omega = 2 * np.pi * frequency
+    noise = 1 + 3e-3 * np.random.default_rng(0).standard_normal((75, 2)) @ np.array([1, 1j])
+    force = held * (6000 - 1.5e5 * held**2 - 1.5 * omega**2 + 4j * omega) * noise
+    response = np.abs(force) * np.exp(-1j * np.angle(force))
+    surface = ResponseSurface(held, frequency, held, response, control="response")
+    found = [
+        f for f in rsgen.identify(surface, "k*x + k3*x**3 + c*v").findings if f.code == "another-quantity"
+    ]
+    assert [f.names["is"] for f in found] == ["exchanged"]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _UNIT_TOLERANCE = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
 VOLTAGES = ("V", "mV")
-"""What a sensor gives without its factor."""
+"""Units of the output of a sensor before its factor."""
 _ANGLES = {"deg": "deg", "°": "deg", "rad": "rad"}
 
 

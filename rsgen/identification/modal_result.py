@@ -57,10 +57,10 @@ _Trial = TypeVar("_Trial")
 def likely(priced: list[tuple[float, _Trial]]) -> list[tuple[float, _Trial]]:
     """Return the likely trials with Akaike weights exp(-AIC/2) of sum one."""
     least = min(price for price, _ in priced)
-    likely = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
-    likely = [entry for entry in likely if entry[0] > MIN_LIKELIHOOD]
-    whole = sum(weight for weight, _ in likely)
-    return [(weight / whole, trial) for weight, trial in likely]
+    weighted = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
+    weighted = [entry for entry in weighted if entry[0] > MIN_LIKELIHOOD]
+    total = sum(weight for weight, _ in weighted)
+    return [(weight / total, trial) for weight, trial in weighted]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

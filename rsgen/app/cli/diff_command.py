@@ -48,10 +48,11 @@ def say_preferred(*places: str | Path) -> str:
     By Schwarz's criterion (BIC): with n numbers, q values and a misfit s it is n ln(s^2 (1 - q/n)) + q ln n.
     """
     entries = [entry for place in places if (entry := read_result(Path(place) / "result.json")) is not None]
+    fits = [entry.fit() for entry in entries]
     tests = [
         (points.get("frequency"), points.get("amplitude"), list(fit.held_out))
-        for entry in entries
-        if isinstance(points := entry.result.get("equivalent"), dict) and (fit := entry.fit())
+        for entry, fit in zip(entries, fits, strict=True)
+        if isinstance(points := entry.result.get("equivalent"), dict)
     ]
     if len(places) != 2 or len(tests) != 2 or tests[0] != tests[1] or not isinstance(tests[0][0], list):
         return ""
@@ -59,8 +60,7 @@ def say_preferred(*places: str | Path) -> str:
     unknown = [f for f in entries[0].result["findings"] if f["code"] == "not-recorded"]
     phases = all(f["names"].get("signal") != "phase" for f in unknown)
     found, numbers = [], (1 + phases) * max(len(tests[0][0]), 1)
-    for place, entry in zip(places, entries, strict=True):
-        fit = entry.fit()
+    for place, fit in zip(places, fits, strict=True):
         free = sum(one.standard_error != 0 for one in (*fit.estimates, *fit.background))
         # of exact data, truncated waveforms leave the rest
         square = max(fit.misfit, MISFIT_NEGLIGIBLE) ** 2 * (1 - min(free / numbers, 0.5))

@@ -77,7 +77,8 @@ def mode_findings(
     if said:
         return []
     force, motion = steady(surface.force[rows], response, omega)
-    return _exchanged(force, motion, omega) or ([] if mass is None else _of_mass(force, motion, mass))
+    swapped = _exchanged(force, motion, omega, held=surface.response_held)
+    return swapped or ([] if mass is None else _of_mass(force, motion, mass))
 
 
 def _typical_misfit(force: ComplexArray, motion: Kinematics, mass: float = nan) -> tuple[float, bool]:
@@ -108,15 +109,18 @@ def _swapped(
     return [Finding("levels-swapped", "doubt", "", numbers)]
 
 
-def _exchanged(force: ComplexArray, motion: Kinematics, omega: Array) -> list[Finding]:
-    """Find that each channel was read as the other one; a column of phases stays that of the response."""
+def _exchanged(force: ComplexArray, motion: Kinematics, omega: Array, *, held: bool) -> list[Finding]:
+    """Find that each channel was read as the other one; a column of phases stays that of the response.
+
+    ``held`` is True where the test held the response.
+    """
     misfit, taken = _typical_misfit(force, motion)
     if taken and misfit < MISFIT_REJECTED:
         return []
     then, phase = np.inf, np.angle(motion.displacement / force)
     for order in range(3):
         pushed = np.abs(motion.displacement) * omega**order
-        if np.std(np.log(pushed)) > np.std(np.log(np.abs(force))):
+        if not held and np.std(np.log(pushed)) > np.std(np.log(np.abs(force))):
             # as a force it would vary more than what it drives
             continue
         for turn in (phase, -phase - order * pi):
@@ -203,14 +207,11 @@ def flattening_findings(surface: ResponseSurface) -> list[Finding]:
 def levels_tested(surface: ResponseSurface) -> ResponseSurface:
     """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
     surface = without_copies(surface)
-    surface, level = (
-        replace(surface, findings=(*surface.findings, *flattening_findings(surface))),
-        surface.level,
-    )
+    surface = replace(surface, findings=(*surface.findings, *flattening_findings(surface)))
     if not (surface.response_held and len(surface.levels) == len(surface)):
         return surface
-    group = group_forces(level, MAX_LEVEL_SPREAD)
-    runs = [level[group == number] for number in np.unique(group)]
+    group = group_forces(surface.level, MAX_LEVEL_SPREAD)
+    runs = [surface.level[group == number] for number in np.unique(group)]
     if any(len(run) < MIN_POINTS_OF_RUN or run.max() > (1 + MAX_LEVEL_SPREAD) * run.min() for run in runs):
         return surface
     numbers = quantities(points=len(surface), levels=len(runs))
