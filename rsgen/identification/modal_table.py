@@ -17,6 +17,7 @@ first, with an error that its misfit widens.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from math import nan
 
 import numpy as np
@@ -218,11 +219,15 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
             return ModeProblem(part, SplineBasis.steps(seen.levels), orders, mass)
         return ModeProblem(part, SplineBasis.over(part.mode.amplitude, part.tested, *shape), orders, mass)
 
+    @cache
+    def price(shape: tuple[int, int, int], orders: tuple[int, ...]) -> float:
+        return trial(some, shape, orders).solve()[1]
+
     shape, orders = (*allowed[min(_FIRST_SHAPE, len(allowed) - 1)], _POWERS[0]), trials[0]
     for _ in range(MAX_ALTERNATIONS):
         before = shape, orders
-        orders = min(trials, key=lambda trial_orders: trial(some, shape, trial_orders).solve()[1])
-        shape = min(shapes, key=lambda trial_shape: trial(some, trial_shape, orders).solve()[1])
+        orders = min(trials, key=lambda trial_orders: price(shape, trial_orders))
+        shape = min(shapes, key=lambda trial_shape: price(trial_shape, orders))
         if before == (shape, orders):
             break
     if len(seen.background):
@@ -234,7 +239,9 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     for place, (_, best) in enumerate(priced):
         orders = best.orders
         if not len(seen.levels):
-            others = _fit_shapes(seen, _averaged_shapes([trial(some, one, orders) for one in shapes]))
+            others = _fit_shapes(
+                seen, _averaged_shapes([(price(one, orders), trial(some, one, orders)) for one in shapes])
+            )
         if len(orders) == 1 or not others or replace(others[0][1], others=others).damped(seen.near):
             others += _fit_shapes(seen, [one for one in likely(priced[place:]) if one[1].orders != orders])
             break
@@ -248,12 +255,11 @@ def _weighted_price(trial: ModeProblem) -> float:
     return trial.price(found.sigma**2 * found.freedom / (found.freedom + used), used)
 
 
-def _averaged_shapes(trials: list[ModeProblem]) -> list[tuple[float, ModeProblem]]:
-    """Return the likely shapes with their weights.
+def _averaged_shapes(priced: list[tuple[float, ModeProblem]]) -> list[tuple[float, ModeProblem]]:
+    """Return the likely of the shapes, which have their AIC or BIC, with their weights.
 
     If the best is curved, all of them only approximate: the best in each coordinate, with equal weights.
     """
-    priced = [(trial.solve()[1], trial) for trial in trials]
     best = min(priced, key=lambda entry: entry[0])[1]
     if best.basis.degree < _CURVED_DEGREE:
         return likely(priced)
