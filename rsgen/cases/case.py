@@ -87,7 +87,9 @@ class Document(Table):
     """A case of rsgen: a structure, a test, what to identify and how well."""
 
     schema_version: Literal[1] = Field(alias="schema", description="Version of this format.")
-    name: Text = Field(description="The folder of the report: letters, digits, - and _; required.")
+    name: Text = Field(
+        description="The folder of the report: letters, digits, -, _ and single dots; required."
+    )
     title: Text = Field(description="Heading of the report; required.")
     source: Text = Field(default="", description="Where law or data come from.")
     system: SystemTable = SystemTable()

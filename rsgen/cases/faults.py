@@ -20,7 +20,8 @@ from rsgen.formula.units import UNKNOWN
 # What names and descriptive texts may contain: they become folders, files and report headings.
 
 MAX_TEXT = 300
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*\Z")
+# a file of this ending would be taken for a case, a surface or the index of all results
+_NAME = re.compile(r"(?!.*\.(?:toml|h5|html)\Z)[a-z0-9](?:\.?[a-z0-9_-])*\Z", re.ASCII | re.IGNORECASE)
 # Windows opens a device, not a file, under these names
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(10))}
 
@@ -30,21 +31,29 @@ def is_device(name: str) -> bool:
     return name.casefold().split(".")[0] in _DEVICES
 
 
+def plain_name(text: str) -> str:
+    """Return a text with - in place of what no name of a case has; empty if nothing is left."""
+    return re.sub(r"[^A-Za-z0-9_.-]+|[.]{2,}|[.](?=(?:toml|h5|html)\Z)", "-", text).strip("._-")
+
+
 def name_fault(name: str) -> str | None:
     """Say what is wrong with a name that becomes a folder, or None where nothing is.
 
     Examples
     --------
-    >>> name_fault("cubic-hardening") is None
+    >>> name_fault("cubic-hardening-1.5") is None
     True
     >>> name_fault("../evil")
-    "'../evil' is not a plain name; letters, digits, - and _ are allowed, a letter or digit first"
+    "'../evil' is not a plain name; letters, digits, -, _ and single dots are allowed, as in 'evil'"
     """
     if len(name) > MAX_NAME:
         return f"{quote(name)} has {len(name)} characters; at most {MAX_NAME} are allowed"
     if not _NAME.match(name):
-        allowed = "letters, digits, - and _ are allowed, a letter or digit first"
-        return f"{quote(name)} is not a plain name; {allowed}"
+        allowed = "letters, digits, -, _ and single dots are allowed"
+        as_in = (
+            f"as in {quote(plain)}" if _NAME.match(plain := plain_name(name)) else "a letter or digit first"
+        )
+        return f"{quote(name)} is not a plain name; {allowed}, {as_in}"
     if is_device(name):
         return f"{quote(name)} is the name of a device on Windows; choose another name"
     return None

@@ -69,12 +69,12 @@ def test_check_says_what_a_run_will_do(run_cli):
     "law", ["k1*x + kn1*x**3 + c1*v", "k*x + mu*sign(v) + c*v", "k*x + masing(Min(kt*x, Fs))"]
 )
 def test_init_writes_a_case_that_is_right(law, tmp_path, run_cli):
-    path = tmp_path / "gearbox.toml"
-    assert run_cli("init", "gearbox", "--law", law, "--out", path).code == 0
+    path = tmp_path / "gearbox.v1.5.toml"
+    assert run_cli("init", path, "--law", law).code == 0
     assert run_cli("check", path).code == 0
-    again = run_cli("init", "gearbox", "--out", path)
+    again = run_cli("init", "gearbox.v1.5", "--out", path)
     assert (again.code, "is there already" in again.err) == (2, True)
-    assert run_cli("init", "gearbox", "--law", law, "--out", path, "--force").code == 0
+    assert run_cli("init", "gearbox.v1.5", "--law", law, "--out", path, "--force").code == 0
     assert law.split("*")[0] in path.read_text()
 
 

@@ -62,6 +62,7 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
     ("derive k*x+k2*sing(x)", "column 8: 'sing' is not a function of formulas, did you mean 'sin'?"),
     ("init", "NAME: is missing"),
     ("init ../x", "name: '../x' is not a plain name"),
+    ("init index.html", "name: 'index.html' is not a plain name ... as in 'index-html'"),
     ("derive", "rsgen derive: Missing argument 'expression'. See: rsgen derive --help"),
     ("run --frce x", "rsgen run: No such option: --frce (Possible ... --force) See: rsgen run --help"),
     ("rnu", "rsgen: No such command 'rnu'. Did you mean 'run'?"),
@@ -133,4 +134,4 @@ def test_a_draft_of_files_elsewhere_says_the_folder_and_the_command(laboratory, 
 def test_a_name_of_a_file_that_is_none_of_a_case_is_made_one(laboratory, run_cli):
     write_table(Path("A=0.09.csv"), head="frequency,force,x_re,x_im")
     assert run_cli("init", "--from", "A=0.09.csv").code == 0
-    assert '"A-0-09"' in Path("A-0-09.toml").read_text(encoding="utf-8")
+    assert '"A-0.09"' in Path("A-0.09.toml").read_text(encoding="utf-8")

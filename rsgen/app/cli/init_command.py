@@ -16,7 +16,7 @@ import typer
 from rsgen.app.cli.derive_command import read_memory
 from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.app.cli.terminal import Json, Memory, print_json, print_line
-from rsgen.cases.faults import name_fault
+from rsgen.cases.faults import name_fault, plain_name
 from rsgen.cases.loading import DATA_VARIABLE
 from rsgen.cases.tables import path_fault
 from rsgen.common.errors import RsgenError, listed, quote, shown_path
@@ -207,7 +207,7 @@ def init_command(
     """
     name, data = _told_apart(words or [], data or [])
     if name is None and data:
-        name = re.sub(r"[^A-Za-z0-9_-]+", "-", data[0].stem).strip("-") or None
+        name = plain_name(data[0].stem) or None
     if name is None:
         raise RsgenError("NAME: is missing; rsgen init gearbox")
     file = Path(name)
