@@ -187,6 +187,12 @@ def _known_names() -> dict[str, Unit]:
 _KNOWN = _known_names()
 
 
+def other_capitals(name: str) -> list[str]:
+    """Return the usual units that differ from a name by capitals only: mV for mv, N for n."""
+    usual = (*_COMMON, *filter(str.isascii, _KNOWN))
+    return [one for one in usual if one != name and one.casefold() == name.casefold()]
+
+
 @lru_cache(maxsize=500)
 def _named(name: str) -> Unit:
     """The unit of a single name, prefixes included.
@@ -202,7 +208,7 @@ def _named(name: str) -> Unit:
     meanings = registry.parse_unit_name(name)
     joined = _JOINED.fullmatch(name)  # a product; to pint alone Nm is a measure of yarn
     if joined or not meanings:
-        close = difflib.get_close_matches(name, _COMMON, n=1, cutoff=0.6)
+        close = other_capitals(name) or difflib.get_close_matches(name, _COMMON, n=1, cutoff=0.6)
         meant = f"{joined[1]}*{joined[2]}" if joined else close[0] if close else None
         hint = f", did you mean '{meant}'?" if meant else ""
         raise RsgenError(f"the unit {name!a} is not known{hint}; {_EXAMPLES}")

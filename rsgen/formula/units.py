@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rsgen.common.errors import RsgenError, shown
-from rsgen.formula.unit_text import MAX_UNIT_CHARACTERS, NUMBER, Dimension, read_unit
+from rsgen.formula.unit_text import MAX_UNIT_CHARACTERS, NUMBER, Dimension, other_capitals, read_unit
 
 _MAX_CHARACTERS = 2 * MAX_UNIT_CHARACTERS
 _SMALLEST, _LARGEST = 1e-300, 1e300
@@ -187,7 +187,9 @@ def _mismatch(
     wanted = f" ({needed.name})" if needed.name and needed != NUMBER else ""
     if needed == NUMBER:
         return f"{shown} is {what}, but a plain number without unit is needed"
-    return f"{shown} is {what}, but {unit}{wanted} is needed"
+    meant = [name for name in other_capitals(typed) if read_unit(name).dimension == needed]
+    hint = f"; did you mean '{meant[0]}'?" if meant else ""
+    return f"{shown} is {what}, but {unit}{wanted} is needed{hint}"
 
 
 _PREFIXES = {
