@@ -90,7 +90,8 @@ def _doubts_of_file(test: MeasuredTest, path: Path, rate: float | None, length: 
             rates, error = ([], 0.0) if rate is None else _rates_by(test, path, entry, length)
             if rate and rates and not any(abs(one / rate - 1) < error for one in rates):
                 names = {"file": shown_path(path), "column": clues.called(entry)}
-                numbers = quantities("Hz", given=rate, fitted=rates[0])
+                # so many digits that files of one rate are joined
+                numbers = quantities("Hz", given=rate, fitted=float(f"{rates[0]:.4g}"))
                 found.append(Finding("fixed-contradicted", "doubt", "rate", numbers, names))
                 break
     return found
@@ -217,8 +218,7 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     else:
         rate = rule.rate or 0.0
     samples = [rows[path][place] for path, place in zip(files, places, strict=True)]
-    if number == 0:
-        findings += _doubts_of_file(test, main, rate if rule.time is None else None, len(samples[0]))
+    findings += _doubts_of_file(test, main, rate if rule.time is None else None, len(samples[0]))
     lengths = {len(values) for values in samples}
     if len(lengths) > 1:
         counts = ", ".join(

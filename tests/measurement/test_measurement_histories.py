@@ -144,12 +144,14 @@ def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step
 ])  # fmt: skip
 def test_a_rate_that_a_number_in_the_file_contradicts_is_doubted(tmp_path, name, value, doubted):
     """A rate of 1024 Hz next to fs = 2048 passed, with a stiffness four times too small."""
+    np.savez(tmp_path / "b.npz", F=FORCE, a=ACCELERATION[1])
     np.savez(tmp_path / "a.npz", F=FORCE, a=ACCELERATION[0], **{name: value})
-    (got,) = read_histories(history(tmp_path / "a.npz", history=swept(rate=64.0)))
+    levels, rule = LevelRule(values=(1.0, 2.0)), swept(rate=64.0)
+    _, got = read_histories(history(tmp_path / "b.npz", tmp_path / "a.npz", level=levels, history=rule))
     found = [finding for finding in got.findings if finding.code != "unit-of-file"]
     assert [(f.code, f.severity) for f in found] == [("fixed-contradicted", "doubt")] * doubted
     if doubted:
-        assert f"but by {name} in the file it is 128 Hz" in sentence(found[0])
+        assert f"the rate of the case is 64 Hz, but by {name} in the file it is 128 Hz" in sentence(found[0])
 
 
 @pytest.mark.parametrize(("texts", "given", "doubted"), [
