@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -63,9 +63,8 @@ def unit_doubts(
             )
         except RsgenError:
             # a title may end like a unit of something else; volts are what a sensor gives without its factor
-            volts = title in VOLTAGES and channel.unit not in VOLTAGES
             bracketed = titles.get(column, "").rstrip()[-1:] in (")", "]")
-            if volts or (bracketed and is_of_signal(title)):
+            if title in VOLTAGES or (bracketed and is_of_signal(title)):
                 found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
             continue
         if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
@@ -73,12 +72,12 @@ def unit_doubts(
     return found
 
 
-_SIGNALS = ("N", *(unit + per for unit in QUANTITIES.values() for per in ("", "/N")))
-"""SI units of a force, of motions, and of motions over a force."""
+_SIGNALS = ("V", "N", *(unit + per for unit in QUANTITIES.values() for per in ("", "/N")))
+"""SI units of a sensor's output, of a force, of motions, and of motions over a force."""
 
 
 def is_of_signal(unit: str) -> bool:
-    """Return True for a unit of a force, a motion, or one over the other."""
+    """Return True for a unit of a sensor's output, a force, a motion, or of motion over force."""
     for target in _SIGNALS:
         with suppress(RsgenError):
             quantity(f"1 {sensor_unit(unit, target)}", target)
@@ -100,6 +99,8 @@ _UNIT = re.compile(
     r"|\(?[mg]/?s?\^?2?\)?/N)\s*[\])]?"
 )
 """Unit that stands alone in a row of units below the titles."""
+_ENCLOSED = re.compile(r"\s*[\[(]\s*([^()\[\]]*?)\s*[\])]\s*\Z")
+"""A unit in brackets."""
 _WITHOUT_STROKES = re.compile(r"_([munkµ]?m|in)(?:_s(2?)|s(2))\Z")
 """Names without strokes: "v_mm_s", "a_ms2"."""
 _QUOTIENT = re.compile(r"(?<![(\[])(\([^()\s]{1,20}\)\s?/\s?(?:[A-Za-zµ]{1,4}|\([A-Za-zµ]{1,4}\)))\Z")
@@ -182,6 +183,21 @@ def is_unit(text: str) -> bool:
     [True, True, True, True, False, False]
     """
     return bool(_UNIT.fullmatch(text))
+
+
+def join_units(titles: Sequence[str], cells: Sequence[str]) -> list[str]:
+    """Return titles with the units of the row below them; as they are where that is no row of units.
+
+    Examples
+    --------
+    >>> join_units(["n", "F", "H"], ["", "[kN]", "(m/s^2)/N"]), join_units(["F"], ["sensor 2"])
+    (['n', 'F [kN]', 'H [(m/s^2)/N]'], ['F'])
+    """
+    if not all(is_unit(cell) for cell in cells if cell):
+        return list(titles)
+    units = [_ENCLOSED.sub(r"\1", cell) for cell in cells]
+    pairs = zip(titles, units, strict=True)
+    return [f"{title} [{unit}]" if unit not in ("", "-") else title for title, unit in pairs]
 
 
 def is_angular(title: str) -> bool:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.column_titles import is_of_signal, unit_doubts, unit_in
+from rsgen.files.column_titles import VOLTAGES, is_of_signal, unit_doubts, unit_in
 from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
@@ -36,10 +36,10 @@ _SCALES = {
 """Kind of the amplitudes of a file by its word for them, and the entry that the case needs."""
 
 
-def _left_to_file(test: MeasuredTest) -> dict[int | str, str]:
-    """Return the SI unit of each column whose unit is taken from the file."""
+def _left_to_file(test: MeasuredTest) -> dict[int | str, Channel]:
+    """Return the channel of each column whose unit is taken from the file."""
     return {
-        column: test.unit_of(channel)
+        column: channel
         for channel in test.sources
         if channel.unit is None and test.calibrated
         for column in channel.columns
@@ -90,9 +90,10 @@ def to_si(
         The file contradicts itself about a unit, or the case about the kind of amplitudes.
     """
     findings = {}
-    targets = _left_to_file(test)
+    left = _left_to_file(test)
     for address, channels in zip(wanted, groups, strict=True):
-        target = targets.get(address, "")
+        source = left.get(address)
+        target = test.unit_of(source) if source else ""
         for channel in channels:
             _check_scale(test, label, address, channel)
         for number, channel in enumerate(channels if target else ()):
@@ -106,10 +107,10 @@ def to_si(
             except RsgenError:
                 # a unit of another dimension than the quantity
                 about = {"file": label, "column": str(address), "unit": target, "title": channel.unit}
-                of_signal = is_of_signal(channel.unit)
-                findings[channel.unit, address] = Finding(
-                    "unit-contradicts-title", "doubt" if of_signal else "warning", names=about
-                )
+                # a factor may be that of a sensor's volts
+                known = source is not None and source.factor != 1 and channel.unit in VOLTAGES
+                severity: Severity = "doubt" if is_of_signal(channel.unit) and not known else "warning"
+                findings[channel.unit, address] = Finding("unit-contradicts-title", severity, names=about)
                 continue
             if factor != 1:
                 about = {"file": label, "column": str(address), "unit": channel.unit}

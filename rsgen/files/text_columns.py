@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path, suggest
+from rsgen.files.column_titles import join_units
 from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, open_text
 from rsgen.files.tree import MAX_CHANNELS, star_pattern
 
@@ -360,6 +361,8 @@ class _Table:
             # words before the first number are the header's, such as units below the names
             if self.lines:
                 self.words.append(line)
+            elif len(units := split_cells(text, self.delimiter)) == self.width:
+                self.names = tuple(join_units(self.names, [units[place] for place in self.places]))
             self.separated = True
             return
         self.values.extend(values)

@@ -16,7 +16,7 @@ import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.files.column_titles import is_unit, unit_in
+from rsgen.files.column_titles import is_unit, join_units, unit_in
 from rsgen.files.text_columns import MISSING, WORD
 from rsgen.files.tree import Node, is_wanted, open_archive
 
@@ -86,10 +86,7 @@ def _titles(rows: Sequence[_Row], first: int, columns: Sequence[int], width: int
         return [""] * width
     units = heads[0] if len(heads) == 2 and any(heads[1]) else [""] * width
     names = heads[1] if len(heads) == 2 and any(heads[1]) else heads[0]
-    return [
-        f"{name} [{unit.strip('[]() ')}]" if is_unit(unit) else name
-        for name, unit in zip(names, units, strict=True)
-    ]
+    return join_units(names, units)
 
 
 def _column(rows: Sequence[_Row], place: int, begin: int) -> Array:

@@ -151,6 +151,18 @@ def test_a_column_of_levels_that_is_the_force_is_no_recorded_force(tmp_path):
     assert found.names == {"signal": "force", "by": "equality"}
 
 
+@pytest.mark.parametrize(("head", "factor", "severity"), [
+    ("f_Hz,F_V,x_m", 1, "doubt"), ("f_Hz,F (mV),x_m", 1, "doubt"), ("f,F,x\nHz,V,mm", 1, "doubt"),
+    ("f_Hz,F_V,x_m", 10, "warning"), ("f,F,x\nHz,N,mm", 1, "info"), ("f,F,x\n-,N,(mm)", 1, "info"),
+])  # fmt: skip
+def test_volts_without_a_sensitivity_are_doubted(tmp_path, head, factor, severity):
+    path = text(tmp_path / "a.csv", f"{head}\n1,1,2\n2,1,3\n")
+    signals = Channel(amplitude=2, factor=factor), Channel(amplitude=3)
+    surface = read_measurement(MeasuredTest(path, 1, *signals, "displacement", phase_known=False))
+    assert surface.amplitude[0] == pytest.approx(2e-3 if "mm" in head else 2)
+    assert {f.severity for f in surface.findings} - {"info"} == {severity} - {"info"}
+
+
 @pytest.mark.parametrize(("table", "keys", "unit"), [
     ("frequency", {"frequency_unit": "rad/s"}, "rad/s"), ("frequency", {"frequency_unit": "kHz"}, "kHz"),
     ("force", {"unit": "mN"}, "mN"), ("response", {"unit": "m"}, "m"),
