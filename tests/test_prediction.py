@@ -380,6 +380,13 @@ def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(bas
     )
     assert said["low"] < largest < said["high"]
     assert said.names.get("base", "") == base
+    # a level whose name is 3 % more than what was measured is not that level
+    renamed = replace(table, level=1.03 * table.level)
+    found = identify(renamed, Model(oscillator.elements, observation=Observation(predict=(0.824,))))
+    (other,) = (one for one in found.findings if one.names.get("by") == "name")
+    assert (other["level"], other["tested"]) == (0.824, pytest.approx(0.8, rel=1e-3))
+    assert other in predict(found, 0.824).findings
+    assert not [one for one in predict(found).findings if one.names.get("by") == "name"]
     # a simulation of this level alone
     swept = SimulatedTest([asked], np.linspace(13, at, 80), sweep="up", base=base or None)
     own = simulate(oscillator, swept)

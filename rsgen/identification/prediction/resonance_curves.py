@@ -8,7 +8,7 @@ propagation of the covariance of the parameters, divided by the slope.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf, isfinite, isinf, nan
 from typing import Any, cast
@@ -28,6 +28,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
+from rsgen.data.record_set import match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, within
 from rsgen.identification.fitting.across import across_of_mode
 from rsgen.identification.fitting.points import Points
@@ -90,8 +91,8 @@ def predict(
         An identification, whose refined estimate is used, an oscillator, or a modal table, whose curves have
         no law and end at its largest amplitude.
     levels
-        Amplitudes of the force [N], or of the acceleration [m/s^2] of a driven base; None: those near the
-        resonances of the fitted and the held-out levels.
+        Amplitudes of the force [N], or of the acceleration [m/s^2] of a driven base, not names of levels;
+        None: those near the resonances of the fitted and the held-out levels.
     surface
         Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
         is predicted, None: those of the held-out levels. Curves are of ``levels`` asked for alone, each the
@@ -165,6 +166,7 @@ def predict(
     if curves and surface is not None and surface.base in ("displacement", "velocity"):
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out, fitted), *findings]
+    findings += [one for curve in curves for one in _named_otherwise(found, curve, surface)]
     asked = band and window
     findings += records.findings
     return Prediction(curves, held_out, tuple(findings), records.records, asked, fitted, observed)
@@ -316,17 +318,35 @@ def _findings(
     return (*findings, *missing_findings(held_out))
 
 
-def _points_under(found: Identification, force: float) -> Points | None:
-    """Return the points of the level of a force [N]; None where it was not tested, or no force was held."""
+def _runs(found: Identification) -> Iterator[tuple[Points, float]]:
+    """Yield the points of each fitted level and their force near the resonance; none if no force was held."""
     if found.fit is None or found.curve.level_unit == "m":
-        return None
+        return
     points = found.fit.problem.observed.points
     for level in np.unique(points.level):
         run = points.select(points.level == level)
         near = run.amplitude >= HALF_POWER * run.amplitude.max()
-        if abs(np.median(np.abs(run.force[near])) / force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE:
-            return run
-    return None
+        yield run, float(np.median(np.abs(run.force[near])))
+
+
+def _points_under(found: Identification, force: float) -> Points | None:
+    """Return the points of the level of a force [N]; None where it was not tested."""
+    near = (run for run, tested in _runs(found) if abs(tested / force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE)
+    return next(near, None)
+
+
+def _named_otherwise(
+    found: Identification, curve: ResonanceCurve, test: ResponseSurface | None
+) -> list[Finding]:
+    """Find that a level asked for is name or label of a tested one that had another amount."""
+    amounts = {float(run.level[0]): force / force_per_level(found) for run, force in _runs(found)}
+    if test is not None and test.label is not None:
+        amounts |= dict(zip(test.label.tolist(), test.level.tolist(), strict=True))
+    name = match_level(np.array([*amounts]), curve.level)
+    if name is None or curve.level_unit != found.curve.level_unit or _points_under(found, curve.force):
+        return []
+    numbers = quantities(curve.level_unit, level=curve.level, tested=amounts[name])
+    return [Finding("level-predicted", "info", "", numbers, {"by": "name"})]
 
 
 def _compare_peaks(
@@ -547,7 +567,12 @@ def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) 
     if not asked or found.model.sensors or not isfinite(found.mass):
         return []
     band = (0.0, inf) if getattr(test, "decays", False) else found.frequency_range
-    return [largest_of_curve(curve, test.base, band) for curve in predict(found, asked)]
+    one_force = test if isinstance(test, ResponseSurface) else None
+    return [
+        finding
+        for curve in predict(found, asked)
+        for finding in (largest_of_curve(curve, test.base, band), *_named_otherwise(found, curve, one_force))
+    ]
 
 
 def _shown_levels(surface: ResponseSurface, identification: Identification) -> list[float]:
