@@ -289,8 +289,8 @@ def _coincide(amount: Array) -> bool:
     return len(amount) > 1 and float(np.ptp(amount)) < _MAX_LEVEL_SPREAD * float(amount.min())
 
 
-_UNIT_OF_LABEL = re.compile(r"[ _-]?([munk]?[NVA]|lbf|[mu]m|g|dB|%)(?![A-Za-z])")
-"""A unit right behind the number of a label, as the volts of a drive."""
+_UNIT_OF_LABEL = re.compile(r"(?![_-]A)[ _-]?([munk]?[NVA]|lbf|[mu]m|g|dB|%)(?![A-Za-z])")
+"""A unit right behind the number of a label, as the volts of a drive; in "sweep1_A" A is no ampere."""
 
 
 def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said: bool) -> ResponseSurface:

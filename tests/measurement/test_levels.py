@@ -145,6 +145,10 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
         {"levels-disagree": "info"},
     ),
     (
+        {"1_A.csv": 4, "2_A.csv": 3, "3_A.csv": 2}, {"name": "{level}_A.csv", "unit": "label"}, [2, 3, 4],
+        {"levels-disagree": "info"},
+    ),
+    (
         {"1V.csv": 4, "2V.csv": 3, "3V.csv": 2}, {"name": "{level}V.csv", "unit": "label"}, [2, 3, 4],
         {"levels-disagree": "info", "levels-swapped": "doubt"},
     ),
