@@ -6,10 +6,12 @@ import json
 import sys
 from ast import literal_eval
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from types import CodeType, FrameType
 
 import nbformat
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,11 +20,13 @@ from nbclient import NotebookClient
 import rsgen
 from rsgen import RsgenError, figures, load_case
 from rsgen.app.study.many_cases import run_cases
+from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
 from tests.programs import python
 from tests.report.test_report import hostile_titles
 from tests.samples import cubic_case
+from tests.surfaces import MASS, changed, model, surface
 
 CASES = sorted(Path(__file__).parents[2].joinpath("cases").glob("*.toml"))
 SPRING = {
@@ -83,6 +87,20 @@ def test_texts_of_a_case_are_never_code(title):
 def test_the_notebook_says_that_its_curves_have_all_harmonics():
     (cell,) = (cell for cell in build_notebook(cubic_case()).cells if cell.id == "about-prediction")
     assert "the balance of all harmonics for $\\omega$; its first order is $F^2" in cell.source
+
+
+def test_a_notebook_predicts_the_levels_of_the_page():
+    """It took nominal levels, where the page has the forces that were measured near resonance."""
+    driven = surface("cubic", levels=np.array([1.9, 3.8, 7.6]))
+    table = changed(driven, level=np.array([2.0, 4.0, 8.0])[np.searchsorted(driven.levels, driven.level)])
+    asked = model("cubic", MASS, hold_out=(4.0,))
+    asked = replace(asked, observation=replace(asked.observation, predict=(3.81, 6.0)))
+    found = rsgen.identify(table, asked)
+    (cell,) = (cell for cell in build_notebook(cubic_case()).cells if cell.id == "prediction")
+    space = {"rsgen": rsgen, "figures": figures, "surface": table, "identification": found}
+    exec(cell.source, space | {"case": cubic_case(model=asked)}, space)
+    levels = [curve.level for curve in space["prediction"]]
+    assert levels == [curve.level for curve in predict_shown(table, found)] == [1.9, 3.8, 6.0, 7.6]
 
 
 def test_only_the_public_interface_is_called():

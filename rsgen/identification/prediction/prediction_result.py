@@ -476,7 +476,8 @@ class Prediction(Printed):
         )
         rises = any(curve.rises_at_end for curve in self if len(curve.frequency))
         more = ("a curve still rises where the band or the table ends; band=(low, high) [Hz] shows more",)
-        notes = (*more[: int(rises)], *held_out_lines(self.held_out), *map(str, self.findings))
+        scored = (*self.held_out, *self.records)
+        notes = (*more[: int(rises)], *held_out_lines(scored), *map(str, self.findings))
         return TextTable(heads, tuple(rows), notes=notes)
 
 

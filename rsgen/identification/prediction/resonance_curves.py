@@ -551,14 +551,9 @@ def _score(
 
 def predict_shown(table: ResponseSurface | MultisineSpectra, identification: Identification) -> Prediction:
     """Predict what a report shows of a test: some tested levels, those held out, and those asked for."""
-    asked = [] if identification.model.sensors else [*identification.model.observation.predict]
-    if isinstance(table, MultisineSpectra):
-        # of what identification has not seen; other spectra would count what it has seen as held out
-        found = predict(identification, asked or None)
-    else:
-        levels = [] if identification.model.sensors else _shown_levels(table, identification)
-        found = predict(identification, sorted({*levels, *asked}) or None, table)
-    return found
+    # of what identification has not seen; other spectra would count what it has seen as held out
+    surface = None if isinstance(table, MultisineSpectra) else table
+    return predict(identification, shown_levels(table, identification), surface)
 
 
 def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) -> list[Finding]:
@@ -575,15 +570,28 @@ def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) 
     ]
 
 
-def _shown_levels(surface: ResponseSurface, identification: Identification) -> list[float]:
-    """Choose the levels to predict: as measured near the resonances of tested and held-out ones."""
-    if surface.response_held:
+def shown_levels(
+    test: ResponseSurface | MultisineSpectra, identification: Identification
+) -> list[float] | None:
+    """Choose the levels of the curves that a report shows, as ``predict`` takes them.
+
+    They are the amounts near the resonances of at most five tested levels and of all that were held out, and
+    the levels that the observation asks for; of these none that was tested. None: no other than the default.
+    """
+    if identification.model.sensors:
+        return None
+    levels = np.array([])
+    if isinstance(test, ResponseSurface) and test.response_held:
         # its levels are no forces; those that the resonances needed are
-        return [float(level) for level in identification.levels]
-    surface = within(surface, identification.model.observation.band)
-    held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
-    chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
-    forces = typical_amounts(surface)[chosen]
-    if surface.base and not surface.per_mass:
-        forces /= identification.mass
-    return sorted({float(force) for force in forces if np.isfinite(force)})
+        levels = identification.levels
+    elif isinstance(test, ResponseSurface):
+        surface = within(test, identification.model.observation.band)
+        held_out = surface.level[surface.held_out(identification.model.observation.hold_out)]
+        chosen = np.isin(surface.levels, [*choose_levels(surface, 5), *held_out])
+        levels = typical_amounts(surface)[chosen]
+        if surface.base and not surface.per_mass:
+            levels = levels / identification.mass
+    levels = levels[np.isfinite(levels)]
+    asked = identification.model.observation.predict
+    new = [one for one in asked if np.all(np.abs(one / levels - 1) > RELATIVE_CHANGE_NEGLIGIBLE)]
+    return sorted({*levels.tolist(), *new}) or None

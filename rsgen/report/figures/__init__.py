@@ -7,7 +7,7 @@ Every function gives a `Drawing`: the figure, its caption, and what it shows in 
 from __future__ import annotations
 
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text, unit_text
-from rsgen.identification.prediction.prediction_result import choose_levels
+from rsgen.identification.prediction.resonance_curves import shown_levels
 from rsgen.report.figures.curves import draw_collapse, draw_modal
 from rsgen.report.figures.drawing import STYLE, Drawing, draw_surface
 from rsgen.report.figures.equivalent import draw_derivation
@@ -23,7 +23,6 @@ from rsgen.report.figures.responses import (
 __all__ = [
     "STYLE",
     "Drawing",
-    "choose_levels",
     "choose_scale",
     "count_text",
     "draw_best_linear",
@@ -41,6 +40,7 @@ __all__ = [
     "force_function",
     "number_text",
     "quantity_text",
+    "shown_levels",
     "unit_text",
 ]
 
