@@ -497,6 +497,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             points=len(surface),
             levels=len(np.unique(points.level)),
             moves=moves_with_mass(refined),
+            known=surface.origin == "simulated" or any("N" in units[name] for name in model.fixed),
         ),
         solution=refined.values,
         background=background,

@@ -286,6 +286,8 @@ def headline(verdict: Verdict) -> str:
         return (
             f"Identified: {summary['identified']:.0f} of {summary['parameters']:.0f} parameters, misfit "
             f"{number_text(100 * summary['misfit'], 2)} %"
+            + "; no mass was given, so nothing checks the units of force and response"
+            * ("mass" in summary.names)
         )
     return f"{verdict.state.capitalize()}: {sentence(summary)}"  # of judged values, or of a ranking
 

@@ -599,14 +599,14 @@ def test_the_command_ranks_the_test_of_a_case(
     assert f"laws and their sums on {len(measured('cubic'))} points" in printed.err
     assert text.startswith("Identified: cubic-spring + linear-damper fits best")
     # with intervals: the best law is identified, and then put into a case
-    values = [line.split() for line in text.splitlines()[-5:-1]]
+    values = [line.split() for line in text.splitlines()[-6:-2]]
     units = {"c": "N*s/m", "k": "N/m", "k3": "N/m^3", "m": "kg"}
     assert [(value[0], value[-1]) for value in values] == [*units.items()]
     assert 'force = "c*v + k*x + k3*x**3" into the case' in text.splitlines()[-1]
     low, high = answer["best"]["k3"]["interval"]
     assert high - low == pytest.approx(float(values[2][4]) - float(values[2][2]), rel=0.05)
-    # which law is the best may hang on a mass that was given
-    assert "m is taken as exact" not in text
+    # what the values, and which law is the best, may hang on
+    assert "\nall values scale with the units of force" in text
     given = write_small(tmp_path, "given", {"identify.fixed": {"m": MASS}})
     assert "\nm is taken as exact: its error comes on top" in run_cli("rank", given).out
 

@@ -6,6 +6,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rsgen
@@ -25,6 +26,7 @@ from tests.samples import (
     empty_drawings,
     write_result,
 )
+from tests.surfaces import MASS, changed, model, surface
 
 SURFACE = cubic_surface()
 IDENTIFICATION = cubic_identification(SURFACE)
@@ -63,6 +65,18 @@ def test_the_gravest_of_test_fit_and_held_out_levels_decides(tolerance, findings
     assert stated["next_steps"] == [next_step(finding) for finding in decided]
     assert all(step.endswith(".") for step in stated["next_steps"])
     assert verdict.usable == (state in ("accepted", "identified"))
+
+
+@pytest.mark.parametrize(("origin", "given", "said"), [
+    ("measured", {}, True), ("simulated", {}, False), ("measured", {"m": MASS}, False),
+    ("measured", {"k": 5920.0}, False),
+])  # fmt: skip
+def test_a_verdict_says_that_nothing_checks_the_units(origin, given, said):
+    """A load cell in volts changed all values by a factor under the headline "Identified"."""
+    table = changed(surface("cubic", levels=np.array([2.0, 4.0, 8.0])), origin=origin)
+    found = rsgen.identify(table, model("cubic").elements, fixed=given)
+    assert found.verdict.state == "identified"
+    assert ("nothing checks the units" in rsgen.explain(found)) is said
 
 
 def test_the_first_step_is_the_one_that_matters_most():

@@ -78,7 +78,7 @@ def rank_command(
     )
     if best:
         # which law is the best may hang on a given mass, too
-        notes = tuple(mass_lines(ranking.best)[:1]) if "m" in ranking.best.model_given.fixed else ()
+        notes = tuple(mass_lines(ranking.best)[:1])
         terminal.print_block("", str(replace(ranking.best.table, caption="", notes=notes)))
     else:
         terminal.print_line(f"with {_values(ranking, table)}")

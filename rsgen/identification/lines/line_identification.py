@@ -215,6 +215,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
             excited=int((lines.used & part.excited()).sum()),
             records=len(part),
             levels=len(part.levels),
+            known=spectra.origin == "simulated" or any("N" in units[name] for name in model.fixed),
         ),
         findings=tuple(findings),
         solution=fit.values,

@@ -168,21 +168,28 @@ def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str,
 
 
 def outcome_of(
-    estimates: Sequence[Estimate], misfit: float, moves: Mapping[str, float] | None = None, **counts: int
+    estimates: Sequence[Estimate],
+    misfit: float,
+    moves: Mapping[str, float] | None = None,
+    *,
+    known: bool,
+    **counts: int,
 ) -> Finding:
     """Summarise the numbers of identified and all parameters, ``counts`` of the test, and the misfit.
 
     Of ``moves``, by how many per cent each value moves with one of the mass, the largest is told that is
-    clearly more than one, and more than a standard error.
+    clearly more than one, and more than a standard error. Nothing checks the units of a test with a free mass
+    where they are not ``known``, as those of a simulation are, or where a force or stiffness was given.
     """
     identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
     numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)
     error = {e.name: 100 * e.standard_error / abs(e.value) for e in estimates if e.identifiable and e.value}
-    known = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
-    most = max(known, key=lambda name: abs(known[name]), default="")
-    if not most or round(abs(known[most])) <= 1:
-        return Finding("identified", "info", numbers=numbers)
-    return Finding("identified", "info", "", numbers | quantities(moves=known[most]), {"moves": most})
+    moving = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
+    most = max(moving, key=lambda name: abs(moving[name]), default="")
+    if not most or round(abs(moving[most])) <= 1:
+        free = any(e.name == "m" and e.unit == "kg" and e.identifiable for e in estimates)
+        return Finding("identified", "info", "", numbers, {"mass": "free"} if free and not known else {})
+    return Finding("identified", "info", "", numbers | quantities(moves=moving[most]), {"moves": most})
 
 
 def state_background(
