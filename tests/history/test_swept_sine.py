@@ -217,6 +217,9 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
     np.testing.assert_allclose(steps, np.median(steps), rtol=0.25)
     used = surface.select(surface.settled)
     assert len(used) > 0.9 * len(surface)
+    (fast,) = (finding for finding in surface.findings if finding.code == "sweep-rate")
+    # the middle of what lies above half power was called the largest response
+    assert abs(fast["resonance"] - used.frequency[np.argmax(used.amplitude)]) < fast["half_width"]
     dynamic = used.force / used.harmonics[:, 1]
     k = dynamic.real + MASS * used.omega**2
     law_k = STIFFNESS + 0.75 * cubic * used.amplitude**2

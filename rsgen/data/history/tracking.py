@@ -413,7 +413,9 @@ def fast_sweeps(
         if pace <= worst:
             continue
         worst = pace
-        numbers = quantities("Hz", resonance=np.median(part.drive[top]), half_width=width)
+        # a jump is no middle of what lies above half power
+        largest = top[np.argmax(np.abs(part.motion.displacement[top]))]
+        numbers = quantities("Hz", resonance=part.drive[largest], half_width=width)
         numbers |= quantities(rate=Quantity(rate, "Hz/s"), pace=pace, shift=pace / (2 * pi))
         names = {"record": part.label, "direction": part.direction}
         if top[0] == chosen[0] or top[-1] == chosen[-1]:

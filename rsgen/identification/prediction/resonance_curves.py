@@ -375,7 +375,7 @@ def _compare_peaks(
             seen, _ = _at_sensor(found, omega, size, balance.solve(size, omega).force)
             at, height = float(omega[0]) / (2 * np.pi), float(seen[0])
     low, high = sorted((frequency[top], at))
-    between = run.amplitude[(frequency > low) & (frequency < high)]
+    between = run.amplitude[(frequency > low) & (frequency < high) & (run.sweep == run.sweep[top])]
     sizes = quantities("m", measured=measured, peak=height, frequency=Quantity(at, "Hz"))
     jumped = np.any(between < HALF_POWER * measured)
     inside = frequency.min() <= at <= frequency.max() and not rises
