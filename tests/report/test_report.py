@@ -402,7 +402,12 @@ def test_what_is_stated_and_drawn_has_all_harmonics_as_the_points_have_them():
     at, height = np.array(lines["refined model, 95 % band"]).T
     place, stiffness = np.array(lines["levels at resonance"]).T
     assert stiffness == pytest.approx(np.interp(place, at, height), rel=0.005)
-    assert drawing.caption.endswith("add far from the resonance. The band is of first order.")
+    # the printed formula with the refined values was not in the figure
+    at, height = np.array(lines["describing function"]).T
+    assert height == pytest.approx((found["k"].value + 5 / 8 * found["k5"].value * (at / 1e3) ** 4) / 1e3)
+    assert drawing.caption.endswith(" The describing function, with the refined values, has no harmonics.")
+    same = rsgen.figures.draw_collapse(IDENTIFICATION).figure.axes[0]
+    assert "describing function, 95 % band" in same.get_legend_handles_labels()[1]
 
 
 def test_what_fundamentals_do_not_show_is_one_note_for_all_values():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import sympy
@@ -10,9 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 
 from rsgen.common.arrays import Array
-from rsgen.common.tolerances import CONFIDENCE_TEXT, MAX_SHARE_OF_OUTLIERS_BY_CHANCE
+from rsgen.common.tolerances import (
+    CONFIDENCE_TEXT,
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+)
 from rsgen.formula.names import remembers, symbol
-from rsgen.formula.units import Scale, choose_scale
+from rsgen.formula.units import Scale, choose_scale, number_text
 from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTable
 from rsgen.identification.results import Identification
 from rsgen.law.numeric import compile_law
@@ -95,6 +100,8 @@ _LEVELS = {"N": "Level F", "m": "Level X"}
 _QUANTILES_IN_PICTURE = (MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2, 1 - MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2)
 """Quantiles of the points that stand in the picture in any case."""
 
+_FORMULA: dict[str, Any] = {"color": "#009E73", "lw": 1.1, "ls": (0, (5, 2))}
+
 _Place = tuple[Array, Array]
 """Abscissae and ordinates in a panel."""
 
@@ -131,6 +138,8 @@ def draw_collapse(
     clouds = places(curve.amplitude, omega, curve.stiffness, curve.damping)
     levels = places(*_at_resonances(identification))
     lines, bands = (places(grid, model.omega, *of) for of in ((model.stiffness, model.damping), halves))
+    first = equivalent.backbone(identification, equivalent.solution_of(identification), grid)
+    formulas = places(grid, first.omega, first.stiffness, first.damping)
     true = None if truth is None else equivalent.smooth_backbone(identification, grid, truth)
     truths = None if true is None else places(grid, true.omega, true.stiffness, true.damping)
     force = choose_scale(curve.level, curve.level_unit)
@@ -140,14 +149,21 @@ def draw_collapse(
     scales = (x, choose_scale(curve.amplitude * omega, "m/s") if speed else x)
     damper = ("Loss stiffness ωc", "N/m", 0.2) if joint else ("Damping c", "N*s/m", 0.2)
     kinds = (("Stiffness k", "N/m", 0.06), damper)
+    pairs = zip(lines, formulas, kinds, strict=True)
+    differs = any(_differs(line, formula, least) for (_, line), (_, formula), (*_, least) in pairs)
     for i, (axes, (name, unit, least)) in enumerate(zip(panels, kinds, strict=False)):
         (place, cloud), (course, line), wide = clouds[i], lines[i], scales[i].factor
         y = choose_scale(line if line.size else cloud, curve.units.of(unit))
         _draw_points(axes, place / wide, cloud / y.factor, curve.level / force.factor, norm)
         at, heights = levels[i]
         axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
-        _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, model.harmonics is None)
+        curve_name = "refined model" if differs else "describing function"
+        _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, curve_name)
         drawn = [_range_shown(cloud) / y.factor, heights / y.factor, line / y.factor]
+        if differs:
+            course, line = formulas[i]
+            axes.plot(course / wide, line / y.factor, label="describing function", **_FORMULA)
+            drawn.append(line / y.factor)
         if truths is not None:
             course, line = truths[i]
             axes.plot(course / wide, line / y.factor, label="derived, true values", **drawing.TRUTH)
@@ -155,13 +171,15 @@ def draw_collapse(
         equivalent.calm_limits(axes, drawn, least=least)
         _say_empty(axes, drawn)
         axes.set_ylabel(y.label(name))
-    panels[0].legend(loc="best")
+    # above the panel nothing is hidden
+    above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 2, "columnspacing": 1}
+    panels[0].legend(**(above if ax is None else {"loc": "best"}))
     if speed or len(panels) == 1:
         panels[0].set_xlabel(x.label("Amplitude X"))
     for axes in panels[1:]:
         axes.set_xlabel(scales[1].label("Velocity amplitude ωX" if speed else "Amplitude X"))
     drawing.colour_bar(panels[0], norm, force.label(_LEVELS.get(curve.level_unit, "Level")))
-    caption = _collapse_caption(identification, harmonics=model.harmonics is not None)
+    caption = _collapse_caption(identification, harmonics=model.harmonics is not None, differs=differs)
     return drawing.Drawing("collapse", figure, caption, ax is None)
 
 
@@ -180,13 +198,21 @@ def _range_shown(cloud: Array) -> Array:
     return np.quantile(finite, _QUANTILES_IN_PICTURE) if finite.size else cloud
 
 
-def _collapse_caption(identification: Identification, *, harmonics: bool) -> str:
-    """Return the caption of the collapse, whose line has the harmonics of the motion or not."""
+def _collapse_caption(identification: Identification, *, harmonics: bool, differs: bool) -> str:
+    """Return the caption of the collapse, whose line has the harmonics of the motion or not, so that it
+    differs from the describing function or not.
+    """
     caption = (
         "Every test point, coloured by level: with the right law all fall on one curve, but for what the "
         f"higher harmonics add{' far from the resonance' if harmonics else ''}."
         f"{' The band is of first order.' if harmonics else ''}"
+        f"{' The describing function, with the refined values, has no harmonics.' if differs else ''}"
     )
+    masses = [one.stiffness / (2 * np.pi * one.frequency) ** 2 for one in identification.resonances]
+    off = float(np.median(masses)) / identification.mass - 1 if masses else 0.0
+    if abs(off) > RELATIVE_CHANGE_NEGLIGIBLE:
+        caption += f" Levels at resonance are read with a mass of their own, {number_text(100 * off, 2)} % "
+        caption += "off, and so is their stiffness."
     if any(f.code == "not-recorded" and f.names["signal"] == "phase" for f in identification.findings):
         caption += " Phases were not recorded: each point has the one that the identified law predicts."
     law = identification.model.force
@@ -210,9 +236,14 @@ def _draw_points(axes: Axes, place: Array, height: Array, level: Array, norm: No
     )
 
 
-def _draw_model(axes: Axes, place: Array, height: Array, half: Array, first_order: bool) -> None:
+def _differs(line: Array, formula: Array, least: float) -> bool:
+    """Decide whether two curves of a panel, which spans ``least`` of its values, can be told."""
+    span = max(np.ptp(line), least * np.abs(line).max()) if line.size else np.inf
+    return bool(np.any(np.abs(formula - line) > RELATIVE_CHANGE_NEGLIGIBLE * span))
+
+
+def _draw_model(axes: Axes, place: Array, height: Array, half: Array, name: str) -> None:
     """Draw the curve of the refined model with its band."""
-    name = "refined model to first order" if first_order else "refined model"
     axes.fill_between(place, height - half, height + half, color=drawing.ORANGE, alpha=0.18, lw=0)
     look = {**drawing.REFINED, "lw": 1.1}
     axes.plot(place, height, label=f"{name}, {CONFIDENCE_TEXT} band", **look)
