@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from math import hypot, inf, isfinite, nan
+from math import hypot, inf, isfinite, log, nan
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, aligned, lookup, short, with_error
-from rsgen.common.tolerances import CONFIDENCE_TEXT, ROUND_OFF, interval_sigmas
+from rsgen.common.tolerances import CONFIDENCE_TEXT, MISFIT_NEGLIGIBLE, ROUND_OFF, interval_sigmas
 from rsgen.data.oscillator import Oscillator
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
@@ -326,6 +326,13 @@ class ComparedFit:
         scores = [(one.level, one.level_unit, getattr(one, "sweep", ""), one.error) for one in found.held_out]
         estimates = (*found.refined, *found.fixed)
         return cls(name, estimates, background, found.verdict, found.residual, errors_by_level(scores))
+
+    def bic(self, numbers: int) -> float:
+        """Return the BIC of n numbers, n ln(s^2 (1 - q/n)) + q ln n with q free values and the misfit s."""
+        free = sum(one.standard_error != 0 for one in (*self.estimates, *self.background))
+        # of exact data, truncated waveforms leave the rest
+        square = max(self.misfit, MISFIT_NEGLIGIBLE) ** 2 * (1 - min(free / numbers, 0.5))
+        return numbers * log(square) + free * log(numbers)
 
     def shifted(self, name: str, other: Alternative, errors: Mapping[str, float]) -> ComparedFit:
         """Return an alternative to this fit, to first order, with 95 % intervals by noise alone.

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 from urllib.parse import quote
 
 import numpy as np
@@ -41,6 +41,7 @@ from rsgen.report import page_tables as tables
 from rsgen.report import sentences
 from rsgen.report.figures import Drawing
 from rsgen.report.figures.equivalent import (
+    Backbone,
     backbone_with_harmonics,
     evaluated,
     share_along,
@@ -223,7 +224,7 @@ def _verdict_context(
     """Return what a result is worth, what it means, and what warns of it."""
     verdict = verdict_of(identification, comparison, prediction)
     stated = sentences.state_verdict(verdict)
-    findings = all_findings(identification, prediction)
+    findings, ends = all_findings(identification, prediction), resonance_at_ends(identification, modal)
     # what casts doubt before notes
     warnings = list(map(full_sentence, sorted(findings, key=lambda one: one.severity == "info")))
     return {
@@ -239,8 +240,8 @@ def _verdict_context(
         ),
         "alternative_table": tables.alternative_table(identification),
         "meaning": [
-            *describe_elements(subject.elements, identification, modal).items(),
-            *(("resonance", sentence(course)) for course in resonance_course(identification, modal)),
+            *describe_elements(subject.elements, identification, ends).items(),
+            *(("resonance", sentence(course)) for course in resonance_course(identification, ends)),
         ],
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in reasons_of(stated)],
@@ -251,7 +252,7 @@ def _verdict_context(
 
 
 def element_finding(
-    element: Element, identification: Identification, modal: Modal = NO_MODAL
+    element: Element, identification: Identification, ends: Ends | None = None
 ) -> Finding | None:
     """Find what an identified spring or damper does over the tested amplitudes; None where nothing is known.
 
@@ -261,8 +262,8 @@ def element_finding(
         One of the model's elements.
     identification
         Gives the values and the tested range; parameters that are not identifiable are named.
-    modal
-        Gives the amplitudes near resonance, where there is a table.
+    ends
+        The resonance at both ends of the amplitudes; None: those that were tested.
     """
     identifiable = {estimate.name: estimate.identifiable for estimate in identification.refined}
     unknown = [name for name in element.parameters if not identifiable.get(name, True)]
@@ -275,7 +276,7 @@ def element_finding(
         own = np.isfinite([values[name] for name in element.parameters]).all()
         if unknown or not own or element.force.has(symbol("x")):
             return course if unknown else None
-    numbers, states = _course(element, identification, values, modal)
+    numbers, states = _course(element, identification, values, ends or resonance_at_ends(identification))
     if not unknown and not element.across:
         numbers |= _sides(element, identification, values)
         if any(found.code == "mirror-image-fits" for found in identification.findings):
@@ -302,12 +303,13 @@ def _sides(element: Element, identification: Identification, values: dict[str, f
     return {"pull": pull, "push": push, "largest": Quantity(largest, "m")}
 
 
-def resonance_course(identification: Identification, modal: Modal = NO_MODAL) -> list[Finding]:
+def resonance_course(identification: Identification, ends: Ends | None = None) -> list[Finding]:
     """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none."""
-    ends, found = _resonance(identification, modal)
+    ends = ends or resonance_at_ends(identification)
+    found = ends.backbone
     if found is None:
         return []
-    numbers = quantities("m", amplitude_first=ends[0], amplitude_last=ends[1])
+    numbers = quantities("m", amplitude_first=ends.amplitude[0], amplitude_last=ends.amplitude[1])
     numbers |= quantities("Hz", frequency_first=found.frequency[0], frequency_last=found.frequency[1])
     numbers |= quantities(ratio_first=found.damping_ratio[0], ratio_last=found.damping_ratio[1])
     order = {"order": "first"} if found.harmonics is None and harmonics_matter(identification) else {}
@@ -317,29 +319,36 @@ def resonance_course(identification: Identification, modal: Modal = NO_MODAL) ->
     return [Finding("resonance-course", "info", numbers=numbers, names=order | beyond)]
 
 
-def _resonance(identification: Identification, modal: Modal) -> tuple[Array, Any]:
-    """Return the ends (2,) [m] of the tested amplitudes, and the backbone there; None where it is not known.
+class Ends(NamedTuple):
+    """The ends (2,) [m] of the tested amplitudes, and the backbone there; None where it is not known."""
 
-    The ends are those of the modal table where there is one: off resonance smaller motions say little of it,
+    amplitude: Array
+    backbone: Backbone | None
+
+
+def resonance_at_ends(identification: Identification, modal: Modal = NO_MODAL) -> Ends:
+    """Solve for the resonance at the ends of the tested amplitudes.
+
+    They are those of the modal table where there is one: off resonance smaller motions say little of it,
     and a law that jumps may hold the mass there.
     """
     rows = identification.amplitude_range if modal.table is None else modal.table.amplitude
     ends, law = np.array([np.min(rows), np.max(rows)]), identification.model.elements
     if any(element.across for element in law):
-        return ends, None
+        return Ends(ends, None)
     near = modal.table is not None and not any(element.memory for element in law)
     found = (backbone_with_harmonics if near else smooth_backbone)(identification, ends)
-    return ends, found if np.isfinite([found.omega, found.damping_ratio]).all() else None
+    return Ends(ends, found if np.isfinite([found.omega, found.damping_ratio]).all() else None)
 
 
 def _course(
-    element: Element, identification: Identification, values: dict[str, float], modal: Modal
+    element: Element, identification: Identification, values: dict[str, float], ends: Ends
 ) -> tuple[dict[str, Quantity], dict[str, str]]:
     """Stiffness and damping at the smallest and at the largest amplitude, or states whose loop is open."""
     curve = identification.curve.amplitude[identification.curve.used]
-    ends, at = _resonance(identification, modal)
+    at = ends.backbone
     # elements across two sensors follow what the curve is over, and not the response
-    low, high = (float(curve.min()), float(curve.max())) if element.across else ends.tolist()
+    low, high = (float(curve.min()), float(curve.max())) if element.across else ends.amplitude.tolist()
     omega = np.pi * sum(identification.frequency_range)
     # damping may depend on the frequency: that of the resonance, which is stated with its damping, too
     amplitude, speed = np.array([low, high]), np.full(2, omega) if at is None else at.omega
@@ -365,10 +374,10 @@ def _course(
 
 
 def describe_elements(
-    elements: Iterable[Element], identification: Identification, modal: Modal = NO_MODAL
+    elements: Iterable[Element], identification: Identification, ends: Ends | None = None
 ) -> dict[str, str]:
     """Return the sentence of every element by its name."""
-    said = {element.name: element_finding(element, identification, modal) for element in elements}
+    said = {element.name: element_finding(element, identification, ends) for element in elements}
     return {name: sentence(finding) for name, finding in said.items() if finding is not None}
 
 

@@ -30,6 +30,7 @@ from rsgen.formula.reading import parse
 from rsgen.identification.results import Estimate, Identification, changed
 from rsgen.law.element import Element, make_element
 from rsgen.report import draw_all, write_index
+from rsgen.report import page as report_page
 from rsgen.report import page_tables as tables
 from rsgen.report.files import check_printed
 from rsgen.report.page import (
@@ -37,6 +38,7 @@ from rsgen.report.page import (
     element_finding,
     page_context,
     render_page,
+    resonance_at_ends,
     resonance_course,
 )
 from rsgen.report.provenance import Subject, page_environment, plain_text
@@ -88,6 +90,13 @@ def page(drawings: Sequence[Any], found: Identification = IDENTIFICATION, **chan
     subject = cubic_subject(**changes)
     parts = (subject, SURFACE, found, COMPARISON, PREDICTION, check_printed(subject, found), drawings)
     return render_page(page_context(*parts, {"Versions": "rsgen"}))
+
+
+def test_the_resonance_is_solved_once_for_all_elements(monkeypatch):
+    solve, calls = report_page.smooth_backbone, list[Any]()
+    monkeypatch.setattr(report_page, "smooth_backbone", lambda *given: calls.append(given) or solve(*given))
+    page_context(cubic_subject(), SURFACE, IDENTIFICATION, COMPARISON, PREDICTION, [], [], {})
+    assert len(calls) == 1
 
 
 def described(element: Element, identification: Identification) -> str:
@@ -494,10 +503,11 @@ def test_one_resonance_is_stated_of_a_cubic_spring_with_dry_friction_by_law_and_
     found = rsgen.identify(test, ["k*x + k3*x**3", "c*v + Ff*sign(v)"], mass=3.4)
     modal = tables.tabulate_mode(test, found)
     assert modal.table is not None
-    (course,) = resonance_course(found, modal)
+    ends = resonance_at_ends(found, modal)
+    (course,) = resonance_course(found, ends)
     # the law was stated to first order, 0.4 % low, and its damper at motions where friction is all but all
     assert course["frequency_last"] == pytest.approx(modal.table.frequency[-1], rel=5e-4)
-    damper = element_finding(found.model.elements[1], found, modal)
+    damper = element_finding(found.model.elements[1], found, ends)
     assert damper is not None
     assert damper["amplitude_first"] == modal.table.amplitude[0]
     assert damper["damping_first"] == pytest.approx(modal.table.damping[0], rel=0.01)
@@ -508,7 +518,7 @@ def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked
     _, found = quintic()
     assert "beyond" not in resonance_course(found)[0].names
     table: Any = SimpleNamespace(amplitude=np.array([4e-4, 6e-4]))
-    (course,) = resonance_course(found, tables.Modal(table))
+    (course,) = resonance_course(found, resonance_at_ends(found, tables.Modal(table)))
     assert (course["amplitude_first"], course["amplitude_last"]) == (4e-4, 6e-4)
     (cut,) = resonance_course(replace(found, frequency_range=(16.5, 21.0)))
     assert cut.names["beyond"] == f"{cut['frequency_last']:.4g} Hz"

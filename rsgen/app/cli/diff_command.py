@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import log
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +11,7 @@ from rsgen.analysis.comparison import ComparedFit, FitComparison
 from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, Json, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
-from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, MISFIT_NEGLIGIBLE
+from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN
 from rsgen.report.result_json import comparison_entry, read_result
 from rsgen.report.sentences import full_sentence, next_step
 
@@ -43,10 +42,7 @@ def compare_results(*places: str | Path) -> tuple[FitComparison, tuple[str, ...]
 
 
 def say_preferred(*places: str | Path) -> str:
-    """Say which of two laws leaves less of the same points, and if by more than noise; "" of other results.
-
-    By Schwarz's criterion (BIC): with n numbers, q values and a misfit s it is n ln(s^2 (1 - q/n)) + q ln n.
-    """
+    """Say which of two laws leaves less of the same points, and if more than noise; "" of other results."""
     entries = [entry for place in places if (entry := read_result(Path(place) / "result.json")) is not None]
     fits = [entry.fit() for entry in entries]
     tests = [
@@ -59,12 +55,10 @@ def say_preferred(*places: str | Path) -> str:
     # without phases a point is one number
     unknown = [f for f in entries[0].result["findings"] if f["code"] == "not-recorded"]
     phases = all(f["names"].get("signal") != "phase" for f in unknown)
-    found, numbers = [], (1 + phases) * max(len(tests[0][0]), 1)
-    for place, fit in zip(places, fits, strict=True):
-        free = sum(one.standard_error != 0 for one in (*fit.estimates, *fit.background))
-        # of exact data, truncated waveforms leave the rest
-        square = max(fit.misfit, MISFIT_NEGLIGIBLE) ** 2 * (1 - min(free / numbers, 0.5))
-        found.append((numbers * log(square) + free * log(numbers), str(place), 100 * fit.misfit))
+    numbers = (1 + phases) * max(len(tests[0][0]), 1)
+    found = [
+        (fit.bic(numbers), str(place), 100 * fit.misfit) for place, fit in zip(places, fits, strict=True)
+    ]
     (least, best, small), (more, other, large) = sorted(found)
     shown = f"of the same points {best} leaves {small:.2g} % and {other} {large:.2g} %"
     if more - least > MIN_SIGNIFICANT_GAIN:

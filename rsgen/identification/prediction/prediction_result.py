@@ -22,18 +22,14 @@ from rsgen.common.tolerances import (
     HELD_OUT_ERROR_SMALL,
     MAX_ERROR_TO_MISFIT,
     RELATIVE_CHANGE_NEGLIGIBLE,
-    ROUND_OFF,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
-from rsgen.data.oscillator import Oscillator
 from rsgen.data.record_set import level_name, match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
-from rsgen.dynamics.steady_state import solve_steady_states
-from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Identification
 from rsgen.identification.results.result import held_out_lines
-from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION, at_jump, points_at
+from rsgen.identification.soundness import at_jump, points_at
 
 SHARE_AT_JUMPS = 0.02
 """Share of the points of a run that may lie between a predicted and a measured jump, so on another branch;
@@ -317,6 +313,37 @@ def held_by_label(found: Identification, test: ResponseSurface | MultisineSpectr
     return tuple(findings)
 
 
+def _runs(found: Identification) -> Iterator[tuple[Points, float]]:
+    """Yield the points of each fitted level and their force near the resonance; none if no force was held."""
+    if found.fit is None or found.curve.level_unit == "m":
+        return
+    points = found.fit.problem.observed.points
+    for level in np.unique(points.level):
+        run = points.select(points.level == level)
+        near = run.amplitude >= HALF_POWER * run.amplitude.max()
+        yield run, float(np.median(np.abs(run.force[near])))
+
+
+def points_under(found: Identification, force: float) -> Points | None:
+    """Return the points of the level of a force [N]; None where it was not tested."""
+    near = (run for run, tested in _runs(found) if abs(tested / force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE)
+    return next(near, None)
+
+
+def named_otherwise(
+    found: Identification, curve: ResonanceCurve, test: ResponseSurface | None
+) -> list[Finding]:
+    """Find that a level asked for is name or label of a tested one that had another amount."""
+    amounts = {float(run.level[0]): force * curve.level / curve.force for run, force in _runs(found)}
+    if test is not None and test.label is not None:
+        amounts |= dict(zip(test.label.tolist(), test.level.tolist(), strict=True))
+    name = match_level(np.array([*amounts]), curve.level)
+    if name is None or curve.level_unit != found.curve.level_unit or points_under(found, curve.force):
+        return []
+    numbers = quantities(curve.level_unit, level=curve.level, tested=amounts[name])
+    return [Finding("level-predicted", "info", "", numbers, {"by": "name"})]
+
+
 def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
     """Find held-out levels with points without a predicted steady state near them, as next to a jump."""
     findings = []
@@ -528,31 +555,3 @@ class PredictedRecord(Brief):
     def name(self) -> str:
         """Name of the level."""
         return level_name(self.level, self.level_unit, self.label)
-
-
-def friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Quantity]:
-    """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
-
-    Friction Ff takes 4 Ff X a period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
-    A little above that it stops in every period still, of which a balance of few harmonics misses a part:
-    then with the ``highest`` amplitude of the curve and that of the motion in time, where they differ.
-    """
-    if not np.isfinite(found.curve.units.kilogram) or len(found.solution) != len(found.model.parameters):
-        return {}
-    law, rate = law_of(found.model.elements), 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
-    friction = law.dry_friction(ROUND_OFF * rate, found.solution)
-    least = 4 / np.pi * friction
-    numbers = quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
-    if not len(curve.frequency):
-        return numbers if curve.force < least else {}
-    if curve.force >= MAX_FORCE_TO_FRICTION * friction:
-        return {}
-    at = int(np.nanargmax(curve.amplitude))
-    frequency, highest = curve.frequency[at], float(curve.amplitude[at])
-    place = highest * np.exp(-1j * curve.phase[at]) * np.array([[1, 2j * np.pi * frequency]])
-    oscillator = Oscillator(found.mass, found.model.elements, law.named(found.solution))
-    states = solve_steady_states(oscillator, curve.force, frequency, harmonics=1, start=place.real)
-    exact = float(np.abs(states.harmonics[0, 1]))
-    if not states.settled[0] or abs(exact / highest - 1) < RELATIVE_CHANGE_NEGLIGIBLE:
-        return {}
-    return numbers | quantities("m", highest=highest, exact=exact) | quantities("Hz", frequency=frequency)

@@ -8,7 +8,7 @@ propagation of the covariance of the parameters, divided by the slope.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, isfinite, isinf, nan
 from typing import Any, cast
@@ -25,12 +25,13 @@ from rsgen.common.tolerances import (
     MAX_LINEAR_CHANGE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
+    ROUND_OFF,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
-from rsgen.data.record_set import match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, within
-from rsgen.identification.fitting.across import across_of_mode
+from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction.amplitude_balance import (
@@ -51,15 +52,17 @@ from rsgen.identification.prediction.prediction_result import (
     choose_levels,
     contradicted_sweep,
     force_changes,
-    friction_under,
     held_by_label,
     known_beyond,
     largest_of_curve,
     missed_findings,
     missing_findings,
+    named_otherwise,
+    points_under,
     score_points,
 )
 from rsgen.identification.results import Identification, MultisineIdentification
+from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION
 
 _BRANCH_POINTS = 161
 
@@ -166,7 +169,7 @@ def predict(
     if curves and surface is not None and surface.base in ("displacement", "velocity"):
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out, fitted), *findings]
-    findings += [one for curve in curves for one in _named_otherwise(found, curve, surface)]
+    findings += [one for curve in curves for one in named_otherwise(found, curve, surface)]
     asked = band and window
     findings += records.findings
     return Prediction(curves, held_out, tuple(findings), records.records, asked, fitted, observed)
@@ -283,7 +286,7 @@ def _findings(
     short = list[tuple[float, tuple[Finding, ...]]]()
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
-        stops = friction_under(found, curve)
+        stops = _friction_under(found, curve)
         if len(curve.frequency) == 0 or stops:
             data = {"level": numbers["level"], **stops}
             findings.append(Finding("no-steady-state", "warning", numbers=data))
@@ -292,7 +295,7 @@ def _findings(
         if isinstance(balance, SynthesisBalance) and curve.rises_at_end:
             rising.append(numbers)
             continue
-        run = _points_under(found, curve.force)
+        run = points_under(found, curve.force)
         if curve.force in changing or (run is not None and force_changes(run.amplitude, run.force)):
             # what the test reached is no matter of a constant force
             continue
@@ -318,35 +321,32 @@ def _findings(
     return (*findings, *missing_findings(held_out))
 
 
-def _runs(found: Identification) -> Iterator[tuple[Points, float]]:
-    """Yield the points of each fitted level and their force near the resonance; none if no force was held."""
-    if found.fit is None or found.curve.level_unit == "m":
-        return
-    points = found.fit.problem.observed.points
-    for level in np.unique(points.level):
-        run = points.select(points.level == level)
-        near = run.amplitude >= HALF_POWER * run.amplitude.max()
-        yield run, float(np.median(np.abs(run.force[near])))
+def _friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Quantity]:
+    """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
 
-
-def _points_under(found: Identification, force: float) -> Points | None:
-    """Return the points of the level of a force [N]; None where it was not tested."""
-    near = (run for run, tested in _runs(found) if abs(tested / force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE)
-    return next(near, None)
-
-
-def _named_otherwise(
-    found: Identification, curve: ResonanceCurve, test: ResponseSurface | None
-) -> list[Finding]:
-    """Find that a level asked for is name or label of a tested one that had another amount."""
-    amounts = {float(run.level[0]): force / force_per_level(found) for run, force in _runs(found)}
-    if test is not None and test.label is not None:
-        amounts |= dict(zip(test.label.tolist(), test.level.tolist(), strict=True))
-    name = match_level(np.array([*amounts]), curve.level)
-    if name is None or curve.level_unit != found.curve.level_unit or _points_under(found, curve.force):
-        return []
-    numbers = quantities(curve.level_unit, level=curve.level, tested=amounts[name])
-    return [Finding("level-predicted", "info", "", numbers, {"by": "name"})]
+    Friction Ff takes 4 Ff X a period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
+    A little above that it stops in every period still, of which a balance of few harmonics misses a part:
+    then with the ``highest`` amplitude of the curve and that of the motion in time, where they differ.
+    """
+    if not np.isfinite(found.curve.units.kilogram) or len(found.solution) != len(found.model.parameters):
+        return {}
+    law, rate = law_of(found.model.elements), 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
+    friction = law.dry_friction(ROUND_OFF * rate, found.solution)
+    least = 4 / np.pi * friction
+    numbers = quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
+    if not len(curve.frequency):
+        return numbers if curve.force < least else {}
+    if curve.force >= MAX_FORCE_TO_FRICTION * friction:
+        return {}
+    at = int(np.nanargmax(curve.amplitude))
+    frequency, highest = curve.frequency[at], float(curve.amplitude[at])
+    place = highest * np.exp(-1j * curve.phase[at]) * np.array([[1, 2j * np.pi * frequency]])
+    oscillator = Oscillator(found.mass, found.model.elements, law.named(found.solution))
+    states = solve_steady_states(oscillator, curve.force, frequency, harmonics=1, start=place.real)
+    exact = float(np.abs(states.harmonics[0, 1]))
+    if not states.settled[0] or abs(exact / highest - 1) < RELATIVE_CHANGE_NEGLIGIBLE:
+        return {}
+    return numbers | quantities("m", highest=highest, exact=exact) | quantities("Hz", frequency=frequency)
 
 
 def _compare_peaks(
@@ -566,7 +566,7 @@ def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) 
     return [
         finding
         for curve in predict(found, asked)
-        for finding in (largest_of_curve(curve, test.base, band), *_named_otherwise(found, curve, one_force))
+        for finding in (largest_of_curve(curve, test.base, band), *named_otherwise(found, curve, one_force))
     ]
 
 
