@@ -28,6 +28,7 @@ from rsgen.files.signals import (
     Unit,
     combination,
 )
+from rsgen.files.tree import star_pattern
 from rsgen.formula.units import quantity, sensor_factor, sensor_unit
 
 MAX_FILES = 200
@@ -512,7 +513,7 @@ def _faults_of_sheets(test: MeasuredTest) -> Iterator[tuple[str, str]]:
     sheets = dict.fromkeys(sheet for _, place in places if "*" in (sheet := place.rpartition("/")[0]))
     for what, place in places:
         sheet = place.rpartition("/")[0]
-        every = [one for one in sheets if re.fullmatch(re.escape(one).replace(r"\*", "[^/]+"), sheet)]
+        every = [one for one in sheets if star_pattern(one).fullmatch(sheet)]
         if every and "*" not in place:
             yield (
                 what,

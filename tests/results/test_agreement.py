@@ -1,5 +1,7 @@
 """Results: agreement of their parts against refits, and how their values are reached."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,9 @@ def test_of_a_linear_model_one_step_is_the_refit(data):
     # the same noise in both parts
     variance = sum(np.diag(each.basis @ each.basis.T) for each in (here, there))
     assert found.error == pytest.approx(whole.sigma * np.sqrt(variance), rel=1e-9)
+    # slopes by three values that are no numbers have no eigenvalues
+    unknown = np.full((*whole.rows.shape[:2], 3), np.nan)
+    assert compare_parts(replace(whole, rows=unknown), part) is None
 
 
 def test_the_jackknife_is_that_of_refits(data):

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from operator import le
 from typing import Any
 
 from rsgen.common.errors import listed
@@ -110,16 +111,14 @@ def propose(contents: Contents) -> Proposal | None:
     return Proposal(tables | draft.tables, draft.doubts)
 
 
-_LARGEST_TABLE = (9, 5000)
-"""Columns and rows of a matrix without names; larger ones are drafted as histories. Either asks for every
-column."""
+_LARGEST_TABLE = {"columns": 9, "rows": 5000}
+"""Of a matrix without names; larger ones are drafted as histories. Either asks for every column."""
 
 
 def _is_table(free: Sequence[Entry]) -> bool:
     """Return True if the only array of a file is a matrix of the size of a table of amplitudes."""
     sides = sorted(side for entry in free[:1] for side in entry.shape if side > 1)
-    table = len(sides) == 2 and all(side <= most for side, most in zip(sides, _LARGEST_TABLE, strict=True))
-    return len(free) == 1 and table
+    return len(free) == 1 and len(sides) == 2 and all(map(le, sides, _LARGEST_TABLE.values()))
 
 
 def _propose_nameless(draft: _Draft) -> None:

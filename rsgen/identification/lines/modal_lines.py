@@ -54,8 +54,8 @@ _KNOTS = (0.2, 0.4, 0.6, 0.8)
 _MAX_MISFIT_TO_NOISE = 1.05
 """Misfit over noise of powers up to which switches are not tried."""
 
-_LINE_SHAPE = (3, 6, 0)
-"""Degree, intervals and power of the splines of a describing function: known everywhere, without noise."""
+_LINE_SHAPE = {"degree": 3, "intervals": 6, "power": 0}
+"""Of the splines of a describing function, which is known everywhere, without noise."""
 
 _DESCRIBED_AMPLITUDES = 100
 _MARGIN = 1 + RELATIVE_CHANGE_NEGLIGIBLE
@@ -147,7 +147,7 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         tested = float(amplitudes.min()), float(amplitudes.max())
         ends = tested[0] / _MARGIN, tested[1] * _MARGIN
         size = np.geomspace(*ends, _DESCRIBED_AMPLITUDES)
-        basis = SplineBasis.over(size, ends, *_LINE_SHAPE)
+        basis = SplineBasis.over(size, ends, **_LINE_SHAPE)
         errors, _ = found.errors
         variance = float(np.diag(errors.covariance)[len(found.values)])
         _refuse_unsound(found, variance)

@@ -322,11 +322,11 @@ def _within_reach(law: Sum, named: dict[str, Array], choices: Sequence[_TermVari
 # ----------------------------------------------------------------------------
 # Candidates: laws of the user as they are, and sums of laws of the library.
 
-_SHORTLIST = (20, 6)
+_SHORTLIST = {"most": 20, "alone": 6}
 """Sums without memory that are fitted, and single laws among them, which are shown even if sums are nearer.
 """
 
-_SHORTLIST_WITH_MEMORY = (8, 3)
+_SHORTLIST_WITH_MEMORY = {"most": 8, "alone": 3}
 """The same for sums with memory."""
 
 
@@ -356,8 +356,8 @@ class Candidates:
         candidates = list(self.given)
         if self.terms or not candidates:
             trials = search_sums(rows.few, self.terms, self.fixed, self.terms_in_sum)
-            plain = _shortlist([trial for trial in trials if not trial.remembers], *_SHORTLIST)
-            loops = _shortlist([trial for trial in trials if trial.remembers], *_SHORTLIST_WITH_MEMORY)
+            plain = _shortlist([trial for trial in trials if not trial.remembers], **_SHORTLIST)
+            loops = _shortlist([trial for trial in trials if trial.remembers], **_SHORTLIST_WITH_MEMORY)
             refused = [trial for trial in trials if not np.isfinite(trial.bic)]
             leader = known[0].candidate.name if rows.odd_alone and known else ""
             hidden = [trial for trial in trials if leader and hides_even(trial.law.name, leader)]

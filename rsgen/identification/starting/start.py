@@ -30,7 +30,6 @@ from rsgen.common.tolerances import (
     MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
-    RELATIVE_ERROR_DOUBTFUL,
     SAMPLES_PER_PERIOD,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
@@ -363,9 +362,9 @@ def _start_on_both_sides(problem: Problem, points: Points, values: Array) -> Ite
             near = np.array(values)
             near[list(pair)] = values[place]
             found = solve_equations(Equations.along(points, law, 1), law, fixed, near)
-            # where both are equal a fit has no slope by their difference
+            # where both are equal a fit has no slope by their difference, of any other it finds the right one
             spread = np.array(found.values)
-            spread[list(pair)] *= 1 + RELATIVE_ERROR_DOUBTFUL * np.array([0.5, -0.5])
+            spread[list(pair)] *= [1.05, 0.95]
             yield replace(found, values=spread)
 
 

@@ -115,7 +115,7 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
             untested.append(curve)
     tested = surface.select(surface.settled)
     beyond = _limit(
-        axes, (shown, tested), scale.factor, prediction.band, curves if prediction.band else untested
+        axes, shown, tested, scale.factor, prediction.band, curves if prediction.band else untested
     )
     axes.set_xlabel("Frequency [Hz]")
     axes.set_ylabel(scale.label("Amplitude X"))
@@ -219,27 +219,27 @@ def _forces(surface: ResponseSurface) -> dict[float, float]:
 
 def _limit(
     axes: Axes,
-    points: tuple[ResponseSurface, ResponseSurface],
+    shown: ResponseSurface,
+    tested: ResponseSurface,
     factor: float,
     band: tuple[float, float] | None,
     curves: Sequence[ResonanceCurve],
 ) -> bool:
-    """Show the first points, the band asked for and some curves; shade what lies beyond the second ones."""
-    shown, every = points
+    """Show some points, the band asked for and some curves; shade what lies beyond the tested points."""
     if not len(shown):
         return False
-    low, high = float(every.frequency.min()), float(every.frequency.max())
-    margin, tested = 0.02 * (high - low), float(every.amplitude.max()) / factor
+    low, high = float(tested.frequency.min()), float(tested.frequency.max())
+    margin, largest = 0.02 * (high - low), float(tested.amplitude.max()) / factor
     left, right = (low, high) if band is None else (min(low, band[0]), max(high, band[1]))
     inside = (c.amplitude[(c.frequency >= left) & (c.frequency <= right)] for c in curves)
     highest = max((float(np.max(a, initial=0.0)) / factor for a in inside), default=0.0)
     for start, stop in ((left, low), (high, right)):
         axes.axvspan(start, stop, **_SHADE)
-    if highest > tested:
-        axes.axhspan(tested, 1.12 * highest, **_SHADE)
+    if highest > largest:
+        axes.axhspan(largest, 1.12 * highest, **_SHADE)
     axes.set_xlim(left - margin, right + margin)
     axes.set_ylim(0, 1.12 * max(float(shown.amplitude.max()) / factor, highest))
-    return highest > tested or (left, right) != (low, high)
+    return highest > largest or (left, right) != (low, high)
 
 
 def _curves_of(prediction: Prediction, surface: ResponseSurface) -> dict[float, ResonanceCurve]:
