@@ -456,7 +456,7 @@ def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
     assert taken["released"] == pytest.approx(5.5e-3, rel=0.15)
     # at some 20 Hz; the amplitude falls too fast for the slopes of a window nearer to the release
     assert (taken["first"] - taken["begin"]) * 20 == pytest.approx(7, abs=0.4)
-    assert "the first period has 0.0048 m" in rsgen.sentence(taken)
+    assert "its first period has 4.8 mm" in rsgen.sentence(taken)
     found = rsgen.identify(surface, law, mass=0.62)
     short = one(found.findings, "decay-begins-larger")
     assert short.severity == "warning"
