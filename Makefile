@@ -85,7 +85,7 @@ bench: $(READY) ## measure speed, accuracy and verdicts into reports/*.md; BEFOR
 attack: $(READY) ## kill, damage, fill up and forge what rsgen has, for hours, into reports/attacks.md
 	$(BIN)/python -m tests.attacks
 
-faults: $(READY) ## put small faults into a copy of the package, see which test catches each, into reports/faults.md; some ten minutes
+faults: $(READY) ## put small faults into a copy of the package, see which test catches each, into reports/faults.md; 20 minutes or more
 	$(BIN)/python -m tests.faults
 
 clean: ## remove the environment and all generated reports
