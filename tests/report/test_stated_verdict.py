@@ -95,6 +95,8 @@ def test_the_first_step_is_the_one_that_matters_most():
     assert next_step(parts).startswith("Suspect the law first")
     lacks = Finding("law-ambiguous", "doubt", "c", {"errors": 9.0, "moved": 0.3}, {"term": "v**3"})
     assert order(parts, lacks) == ["law-ambiguous", "parts-disagree"]
+    # a warning has no next step of its own: x*abs(x) "stands out by 6 standard errors" led nowhere
+    assert full_sentence(replace(lacks, severity="warning")).endswith("identify with it, too, and compare.")
     assert next_step(misfit).startswith("Add v*abs(v), times a coefficient, to the law")
     general = next_step(replace(misfit, names={}))
     assert general.startswith("Compare the laws of the library and their sums")
