@@ -68,7 +68,7 @@ _MAX_RATE_ERROR = 1e-3
 
 
 def _doubts_of_file(test: MeasuredTest, path: Path, rate: float | None, length: int) -> list[Finding]:
-    """Doubt units of channels, and a rate [Hz] that the case gives, where the file contradicts them."""
+    """Doubt units of channels, and the rate [Hz] of a record, where the file contradicts them."""
     found: list[Finding] = []
     if rate is None and recognise_format(path) == "csv":
         return found
@@ -105,7 +105,9 @@ def _rates_by(test: MeasuredTest, path: Path, entry: Entry, length: int) -> tupl
         steps = [1 / (entry.low * unit) for unit in seconds]
         if clues.INCREMENT(entry) or (clues.RATE(entry) and entry.unit in SECONDS):
             return steps, _MAX_RATE_ERROR
-        hertz = [HERTZ[entry.unit]] if entry.unit in HERTZ else [HERTZ["Hz"], HERTZ["kHz"]]
+        # a number without a unit counts kHz only up to 1 MHz
+        usual = [HERTZ["Hz"], *[HERTZ["kHz"]] * (entry.low < HERTZ["kHz"])]
+        hertz = [HERTZ[entry.unit]] if entry.unit in HERTZ else usual
         named = not entry.unit and _SAMPLING_RATE.match(clues.last_name(entry))
         known = clues.RATE(entry) and (entry.unit in HERTZ or named)
         return [entry.low * unit for unit in hertz] if known else [], _MAX_RATE_ERROR
@@ -218,7 +220,9 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     else:
         rate = rule.rate or 0.0
     samples = [rows[path][place] for path, place in zip(files, places, strict=True)]
-    findings += _doubts_of_file(test, main, rate if rule.time is None else None, len(samples[0]))
+    # the titles of a text were compared as it was read, and with instants of their own texts have no rate
+    text = rule.time is not None and recognise_format(main) == "csv"
+    findings += _doubts_of_file(test, main, None if text else rate, len(samples[0]))
     lengths = {len(values) for values in samples}
     if len(lengths) > 1:
         counts = ", ".join(

@@ -132,7 +132,7 @@ def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step
     ] * doubted
     if doubted:
         said = sentence(found[0])
-        assert f"the rate of the case is {rate:g} Hz" in said
+        assert f"the samples are read at a rate of {rate:g} Hz" in said
         assert re.search(r"it is 6\d\.?\d* Hz", said)
 
 
@@ -151,7 +151,19 @@ def test_a_rate_that_a_number_in_the_file_contradicts_is_doubted(tmp_path, name,
     found = [finding for finding in got.findings if finding.code != "unit-of-file"]
     assert [(f.code, f.severity) for f in found] == [("fixed-contradicted", "doubt")] * doubted
     if doubted:
-        assert f"the rate of the case is 64 Hz, but by {name} in the file it is 128 Hz" in sentence(found[0])
+        assert f"a rate of 64 Hz, but by {name} in the file it is 128 Hz" in sentence(found[0])
+
+
+@pytest.mark.parametrize(("unit", "rate", "number", "doubted"), [
+    ("s", 64.0, 64.0, False), ("s", 64.0, 128.0, True), ("s", 64.0, 0.064, False),
+    ("ms", 2048.0, 2048.0, True),
+])  # fmt: skip
+def test_instants_that_a_rate_in_the_file_contradicts_are_doubted(tmp_path, unit, rate, number, doubted):
+    """Instants read as ms next to fs = 1024 were identified, k a million times too large."""
+    np.savez(tmp_path / "a.npz", F=FORCE, a=ACCELERATION[0], time=np.arange(N) / rate, fs=number)
+    rule = swept(time="time", unit=unit)
+    (got,) = read_histories(history(tmp_path / "a.npz", history=rule))
+    assert [f.parameter for f in got.findings if f.code == "fixed-contradicted"] == ["rate"] * doubted
 
 
 @pytest.mark.parametrize(("texts", "given", "doubted"), [
