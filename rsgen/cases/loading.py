@@ -113,22 +113,27 @@ def make_simulated(table: Any, maker: Maker) -> VirtualTest:
 
 
 _AS_LABEL = (
-    '; for levels by names of sheets or files: unit = "label" and name = "{level} V" under [test.level]'
+    '; for levels by names, as the volts of a drive: unit = "label" under [test.level], with values or name, '
+    'that of files or sheets: "{level} V"'
 )
 _DECAYS_BY_NUMBER = '; name decays by numbers: values and unit = "label" under [test.level]'
 
 
 def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
-    before = len(maker.faults)
     observation = maker.make(Observation, table, "identify")
-    measured = test if isinstance(test, MeasuredTest) and not test.level.known else None
-    decays = measured and measured.history and measured.history.excitation == "ring-down"
-    if measured and (decays or not measured.history):
-        # the name of a run or sheet, which may be a level's
+    measured = isinstance(test, MeasuredTest)
+    if measured and not test.level.labels:
+        decays = test.history and test.history.excitation == "ring-down"
         hint = _DECAYS_BY_NUMBER if decays else _AS_LABEL
-        maker.faults[before:] = [
-            f"{fault}{hint * ('.hold_out.' in fault)}" for fault in maker.faults[before:]
+        wrong = ("identify.hold_out.", "test.level.values.")
+        maker.faults[:] = [f"{fault}{hint * fault.startswith(wrong)}" for fault in maker.faults]
+    elif measured:
+        maker.faults += [
+            f"identify.predict.{number}: {value:g} has no unit, and the levels are labels; "
+            f'a force is needed, such as "{value:g} N"'
+            for number, value in enumerate(getattr(table, "predict", None) or (), start=1)
+            if not isinstance(value, str)
         ]
     unit = maker.units.get("N", "N")
     planned, levels = test.planned_levels, list[float]()

@@ -126,6 +126,8 @@ OF_HISTORY: list[Changes] = [
     {"system": GONE, "test.excitation": "ring-down", "test.force": GONE}, {"test.time": GONE},
     {"test.response.scale": "rms"},
     {"test.level": {"values": [1], "unit": "label"}, "identify": {"hold_out": ["0.6 V", "600 mV"]}},
+    {"test.level": {"values": ["0.5 V"]}, "identify": {"hold_out": ["1.5 V"], "predict": ["4 V"]}},
+    {"test.level": {"values": [1], "unit": "label"}, "identify": {"predict": [4]}},
     {"test.level": {"values": [1], "unit": "V"}},
     {"test.sweep": {"direction": "down"}},
     {"test.level": {"values": ["3 N"]}, "test.excitation": "ring-down", "test.force": GONE},
