@@ -401,9 +401,6 @@ def test_what_occurs_twice_has_the_numbers_of_the_whole(text):
             assert number == pytest.approx(float(whole.subs(values).evalf()), rel=1e-12)
 
 
-NAMES = {symbol("k"): sympy.Symbol("k", positive=True), symbol("b"): sympy.Symbol("b", positive=True)}
-
-
 def test_every_function_that_may_be_called_can_be_read():
     """A Piecewise has branches in place of arguments, and is read by itself."""
     assert sorted(FUNCTIONS) == sorted({"Piecewise", *FUNCTION_TABLE})

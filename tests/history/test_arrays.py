@@ -1,7 +1,5 @@
 """Records that are refused, and that nothing but a sentence or a surface comes of any arrays."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Free decays: k(X), c(X) against describing functions, bands against scatter, forced against free."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from functools import cache

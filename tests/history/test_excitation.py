@@ -1,7 +1,5 @@
 """What is no steady sine is refused with the reason, or doubted; noise of an ordinary test is neither."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt

@@ -1,7 +1,5 @@
 """Time histories of real tests and of a benchmark; skipped where the data are absent."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

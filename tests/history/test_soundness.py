@@ -1,7 +1,5 @@
 """A record whose samples are cut off or missing says so; a good one, however coarse, does not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

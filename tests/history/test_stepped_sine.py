@@ -1,7 +1,5 @@
 """Stepped sines: steps found, settled parts fitted; the sine fit against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Swept sines: the law found from the force, envelopes, the transient of the sweep."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from pathlib import Path

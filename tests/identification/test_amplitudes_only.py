@@ -1,7 +1,5 @@
 """Laws of a test without phase: amplitudes alone give the parameters, and the result says what is lost."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -54,7 +54,7 @@ def test_force_of_the_kernel_is_the_force_of_the_law(law, every):
     space: dict[str, object] = {}
     plain = source[: source.index("\n@njit(")] + _function_text(source, "force")
     exec(compile(plain.replace("from numba import carray, cfunc, njit, types", ""), "kernel", "exec"), space)
-    for _ in range(40):
+    for _ in range(12):
         x, v = random.uniform(-2, 2, 2)
         point = {symbol("x"): x, symbol("v"): v} | {symbol(name): value for name, value in values.items()}
         expected = float(force.subs(point))

@@ -1,6 +1,5 @@
 """Time histories: read from any format into evenly sampled SI units, and turned into surfaces."""
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -22,10 +21,6 @@ pytestmark = pytest.mark.usefixtures("read_here")
 
 ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
-CSV = {
-    entry["id"]: entry
-    for entry in json.loads((Path(__file__).parents[1] / "corpus" / "csv.json").read_text(encoding="utf-8"))
-}
 # single precision in the files; the method itself is accurate to better than this
 SINGLE = 1e-3
 

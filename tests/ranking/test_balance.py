@@ -1,7 +1,5 @@
 """Rows of the balance at a reference: neighbouring exact motions fulfil them to second order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Laws ranked by the lines of multisines: virtual tests with noise, what no law explains, and one period."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

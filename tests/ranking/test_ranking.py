@@ -1,7 +1,5 @@
 """Ranking: the true law comes first or ties, what no law describes is said, numbers mean what they say."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Rankings of awkward tests: near sticking, spikes, a wrong sense of the phase, few points."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

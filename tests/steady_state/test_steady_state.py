@@ -263,26 +263,3 @@ def test_a_point_attracts_where_all_eigenvalues_are_inside_the_unit_circle(size)
     inside = attraction(jacobian) > 0
     assert 50 < np.count_nonzero(inside) < 350
     assert np.array_equal(inside, largest < 1)
-
-
-@pytest.mark.parametrize("name", ["combined", "coulomb", "joint"])
-def test_work_of_the_force_is_dissipated(name):
-    case = load_case(CASES / f"{name}.toml")
-    o, test = case.oscillator, case.test
-    force, frequency = test.level[[-2, -1]], test.frequency[[20, 60]]
-    H = 40
-    states = solve_steady_states(o, force, frequency, accuracy=1e-6, harmonics=H)
-    phase = 2 * np.pi * np.arange(4096) / 4096
-    for i in range(2):
-        omega = 2 * np.pi * frequency[i]
-        h = np.arange(H + 1)
-        turning = states.harmonics[i][:, None] * np.exp(1j * h[:, None] * phase)
-        x = turning.sum(axis=0).real
-        v = (1j * omega * h[:, None] * turning).sum(axis=0).real
-        law = PAPER[name](**o.values)
-        n = np.array([law.n(a, b, (b > 0,) * len(law.switches)) for a, b in zip(x, v, strict=True)])
-        dissipated = np.mean(n * v) * 2 * np.pi / omega
-        # integral of f v over a period, for f = Re F exp(i omega t) and the fundamental of v
-        done = np.pi * (force[i] * np.conj(states.harmonics[i, 1])).imag
-        # the velocity of a friction law is cut off at the harmonic H
-        assert dissipated == pytest.approx(done, rel=1e-4)
