@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import itertools
 import json
 import math
 import time
@@ -249,10 +250,9 @@ def test_blocks_change_nothing(table, size):
 @pytest.mark.parametrize(("delimiter", "decimal"), [
     (",", "."), (";", "."), (";", ","), ("\t", ","), ("|", "."), ("whitespace", ","),
 ])  # fmt: skip
-@pytest.mark.parametrize("cell", ODD)
-def test_one_odd_cell_changes_nothing(cell, delimiter, decimal):
+def test_one_odd_cell_changes_nothing(delimiter, decimal):
     between = " " if delimiter == "whitespace" else delimiter
-    for column in (0, 1):
+    for cell, column in itertools.product(ODD, (0, 1)):
         rows = [["1", "2"], ["3", "4"], ["5", "6"], ["7", "8"]]
         rows[2][column] = cell
         content = "".join(between.join(row) + "\n" for row in rows).encode()

@@ -157,8 +157,8 @@ COMPLETE = (
     "tests/ranking/test_ranking.py::test_every_law_of_the_library_takes_part",
     "tests/attacks/test_readers.py::test_every_format_is_attacked",
     "tests/attacks/test_readers.py::test_good_files_are_read[flt]",
-    "tests/report/test_wording.py::test_every_sentence_can_be_said[1.0-points-few-defaultdict]",
-    "tests/report/test_wording.py::test_every_next_step_is_one_full_sentence[points-few]",
+    "tests/report/test_wording.py::test_every_sentence_can_be_said[1.0]",
+    "tests/report/test_wording.py::test_every_next_step_is_one_full_sentence",
     "tests/figures/test_figures.py::test_drawing_is_whole[amplitudes]",
     "tests/cli/test_cli.py::test_every_command_has_an_example[count]",
 )

@@ -146,12 +146,11 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
 TEXTS = tomllib.loads(Path(sentences.__file__).with_name("findings.toml").read_text(encoding="utf-8"))
 
 
-# columns of a file have titles, and come from a case
-@pytest.mark.parametrize("code", [code for code in NEXT_STEPS if code != "unit-contradicts-title"])
-def test_what_a_case_is_to_change_is_said_to_python_users_too(code):
+def test_what_a_case_is_to_change_is_said_to_python_users_too():
     """Keys of a case have the argument, or what is to be done to the array, in brackets."""
-    said = TEXTS[code].get("next", "")
-    for text in [said] if isinstance(said, str) else said.values():
+    # columns of a file have titles, and come from a case
+    said = [TEXTS[code].get("next", "") for code in NEXT_STEPS if code != "unit-contradicts-title"]
+    for text in (text for one in said for text in ([one] if isinstance(one, str) else one.values())):
         if re.search(r"\[identify\]|\[system\]|test\.response|\(rsgen |in the case", text):
             assert "in Python" in text, text
 
