@@ -579,6 +579,10 @@ def test_a_level_has_one_name(label, name):
     drawn = figures.draw_responses(table, prediction).figure.axes[0].get_legend()
     # whose line has the force near the resonance
     assert (drawn.get_title().get_text(), drawn.get_texts()[1].get_text()) == ("Level F", f"{name} at 3.8 N")
+    # sentences print three digits: by these a label says the force of its line
+    near = figures.draw_responses(changed(driven, level=0.995 * driven.level), prediction)
+    assert near.figure.axes[0].get_legend().get_texts()[1].get_text() == "3.781 N at 3.8 N"
+    assert " such as " in near.caption
     assert figures.draw_held_out(prediction).figure.axes[0].get_title("left").startswith(f"F = {name}")
     (missed,) = missed_findings((replace(held_out, error=0.3, misfit=0.01),))
     assert f"level {name} (sweep rest) is predicted" in sentence(missed)

@@ -245,8 +245,12 @@ def _verdict_context(
         ],
         "warnings": warnings,
         "other_warnings": [text for text in warnings if text not in reasons_of(stated)],
+        # what was asked for is a finding of the identification
         "prediction_remarks": [
-            full_sentence(found) for found in prediction.findings if found not in identification.findings
+            full_sentence(found)
+            for found in findings
+            if found.code == "level-predicted"
+            or (found in prediction.findings and found not in identification.findings)
         ],
     }
 

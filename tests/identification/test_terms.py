@@ -145,7 +145,7 @@ def asymmetric(**signals: object) -> rs.ResponseSurface:
     harmonics = np.array(surface.harmonics)
     for name, factor in signals.items():
         harmonics[:, int(name[1:])] *= factor
-    return replace(surface, harmonics=harmonics)
+    return replace(surface, harmonics=harmonics, origin="measured")
 
 
 def test_of_a_systematic_misfit_the_harmonic_that_carries_most_of_it_is_named():

@@ -588,7 +588,8 @@ def test_the_command_ranks_the_test_of_a_case(
     tmp_path: Path, run_cli: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write_small(tmp_path)
-    monkeypatch.setattr("rsgen.app.cli.rank_command.obtain_table", lambda case: measured("cubic"))
+    tested = changed(measured("cubic"), origin="measured")
+    monkeypatch.setattr("rsgen.app.cli.rank_command.obtain_table", lambda case: tested)
     done = run_cli("rank", path, "--json")
     assert done.code == 0
     answer = json.loads(done.out)

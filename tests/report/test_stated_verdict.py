@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.finding import Finding, Verdict
+from rsgen.common.finding import Finding, Quantity, Verdict
 from rsgen.identification.results import Identification
 from rsgen.report import sentences
 from rsgen.report.page import page_context, render_page, write_index
@@ -77,6 +77,13 @@ def test_a_verdict_says_that_nothing_checks_the_units(origin, given, said):
     found = rsgen.identify(table, model("cubic").elements, fixed=given)
     assert found.verdict.state == "identified"
     assert ("nothing checks the units" in rsgen.explain(found)) is said
+    assert ("all values scale with the units" in str(found)) is said
+
+
+def test_what_was_asked_for_stands_where_predictions_do():
+    page = page_of(None, Finding("level-predicted", "info", numbers={"level": Quantity(9.0, "N")}))
+    section = page.partition('id="prediction"')[2].partition("</section>")[0]
+    assert "Under 9 N, as asked for" in section
 
 
 def test_the_first_step_is_the_one_that_matters_most():

@@ -89,9 +89,12 @@ def table_of(estimates: Iterable[Estimate]) -> TextTable:
 
 
 def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
-    """Return what values owe to a mass in kg, if there is one; ``rms`` where amplitudes are said to be."""
+    """Return what values owe to a mass in kg, if there is one; ``rms`` where amplitudes are said to be.
+
+    A free mass of known units, as those of a simulation are, leaves nothing open.
+    """
     mass = found._estimates.get("m")
-    if mass is None or mass.unit != "kg" or not mass.identifiable:
+    if mass is None or mass.unit != "kg" or (mass.standard_error and "mass" not in found.outcome.names):
         return []
     by = found.outcome.numbers.get("moves", Quantity(1.0)).value
     # a tenth of a per cent where one is beyond what slopes tell

@@ -104,8 +104,9 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         if curve is not None and level not in changing:
             held = surface.response_held
             name = curve.name if held else level_name(level, surface.level_unit, surface.label_of(level))
-            if not held and abs(curve.level / level - 1) > RELATIVE_CHANGE_NEGLIGIBLE:
-                name += f" at {curve.name}"
+            forces = [quantity_text(size, curve.level_unit, 3) for size in (curve.level, level)]
+            if not held and forces[0] != forces[1]:
+                name += f" at {forces[0]}"
             _draw_curve(axes, curve, scale.factor, colour, name)
             curves.append(curve)
     for curve in () if surface.response_held else prediction.curves:
@@ -170,8 +171,8 @@ def _responses_caption(
     )
     forces = [(curve.level, level) for level, curve in predicted.items() if not surface.base]
     force, level = max(forces, key=lambda pair: abs(pair[0] / pair[1] - 1), default=(1.0, 1.0))
-    if abs(force - level) > RELATIVE_CHANGE_NEGLIGIBLE * level:
-        names = [quantity_text(size, surface.level_unit, 3) for size in (force, level)]
+    names = [quantity_text(size, surface.level_unit, 3) for size in (force, level)]
+    if names[0] != names[1]:
         caption += (
             f" A line has the force near the resonance of its level, such as {names[0]} at level {names[1]}; "
             "points away from the resonance had another one."
