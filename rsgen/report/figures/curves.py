@@ -140,8 +140,6 @@ def draw_collapse(
     lines, bands = (places(grid, model.omega, *of) for of in ((model.stiffness, model.damping), halves))
     first = equivalent.backbone(identification, equivalent.solution_of(identification), grid)
     formulas = places(grid, first.omega, first.stiffness, first.damping)
-    true = None if truth is None else equivalent.smooth_backbone(identification, grid, truth)
-    truths = None if true is None else places(grid, true.omega, true.stiffness, true.damping)
     force = choose_scale(curve.level, curve.level_unit)
     norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
     figure, panels = drawing.take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
@@ -151,6 +149,11 @@ def draw_collapse(
     kinds = (("Stiffness k", "N/m", 0.06), damper)
     pairs = zip(lines, formulas, kinds, strict=True)
     differs = any(_differs(line, formula, least) for (_, line), (_, formula), (*_, least) in pairs)
+    others = [(formulas, "describing function", _FORMULA)] * differs
+    if truth is not None:
+        true = equivalent.smooth_backbone(identification, grid, truth)
+        truths = places(grid, true.omega, true.stiffness, true.damping)
+        others.append((truths, "derived, true values", drawing.TRUTH))
     for i, (axes, (name, unit, least)) in enumerate(zip(panels, kinds, strict=False)):
         (place, cloud), (course, line), wide = clouds[i], lines[i], scales[i].factor
         y = choose_scale(line if line.size else cloud, curve.units.of(unit))
@@ -160,13 +163,9 @@ def draw_collapse(
         curve_name = "refined model" if differs else "describing function"
         _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, curve_name)
         drawn = [_range_shown(cloud) / y.factor, heights / y.factor, line / y.factor]
-        if differs:
-            course, line = formulas[i]
-            axes.plot(course / wide, line / y.factor, label="describing function", **_FORMULA)
-            drawn.append(line / y.factor)
-        if truths is not None:
-            course, line = truths[i]
-            axes.plot(course / wide, line / y.factor, label="derived, true values", **drawing.TRUTH)
+        for of, label, look in others:
+            course, line = of[i]
+            axes.plot(course / wide, line / y.factor, label=label, **look)
             drawn.append(line / y.factor)
         equivalent.calm_limits(axes, drawn, least=least)
         _say_empty(axes, drawn)
