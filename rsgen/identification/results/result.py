@@ -15,11 +15,7 @@ from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Verdict, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
-from rsgen.common.tolerances import (
-    CONFIDENCE_TEXT,
-    MAX_ERROR_TO_MISFIT,
-    MISFIT_NEGLIGIBLE,
-)
+from rsgen.common.tolerances import CONFIDENCE_TEXT, MAX_ERROR_TO_MISFIT, MISFIT_NEGLIGIBLE
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
@@ -89,9 +85,9 @@ def table_of(estimates: Iterable[Estimate]) -> TextTable:
 
 
 def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
-    """Return what values owe to a mass in kg, if there is one; ``rms`` where amplitudes are said to be.
+    """Return what values owe to a mass in kg, given or, where units are not known (``outcome_of``), free.
 
-    A free mass of known units, as those of a simulation are, leaves nothing open.
+    ``rms`` where amplitudes are said to be.
     """
     mass = found._estimates.get("m")
     if mass is None or mass.unit != "kg" or (mass.standard_error and "mass" not in found.outcome.names):
@@ -106,8 +102,8 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
         f"and give it under [system] (in Python mass=); a mass other than m = {short(mass.value, 4)} kg "
         "shows a wrong ratio of force to response, as of one of them rms read as peak, or of a missing 2 pi"
     )
-    off = [] if rms else [(one.name, off_if_rms(one.unit)) for one in found if one.identifiable]
-    changed = [f"{name} is {words}" for name, words in off if words]
+    off = {one.name: off_if_rms(one.unit) for one in found if one.identifiable and not rms}
+    changed = [f"{name} is {words}" for name, words in off.items() if words]
     common = (
         "m does not show a factor that force and response share: where both are rms but read as peak, "
         f"{', '.join(changed)} (or the reverse), and linear values stay"
