@@ -58,6 +58,10 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     (4.448, "pounds of force"), (1.3, "response; or"),
 ])  # fmt: skip
 def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
+    moved = (1 - times) * MASS
+    assert said in next_step(fixed_contradicted("m", times * MASS, moved, misfit=0.05, left=0.01, times=9.0))
+    if times not in (2.0, 1000.0, 1.3):
+        return
     few = surface("cubic", np.linspace(2, 12, 3))
     asked = rsgen.identify(noisy(few, NOISE, 1), LAWS["cubic"][0], mass=times * MASS)
     (found,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
@@ -71,7 +75,7 @@ def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
 @pytest.mark.parametrize("times", [0.01, 0.1, 9.81])
 def test_a_mass_far_off_comes_first_whatever_a_fit_makes_of_it(law, times):
     test = noisy(surface(law), NOISE, 1)
-    if law == "cubic":
+    if (law, times) == ("cubic", 9.81):
         asked = rsgen.identify(test, LAWS[law][0], mass=times * MASS).verdict.decided_by
         assert in_order(asked)[0].code == "fixed-contradicted"
     (said,) = mode_findings(test, times * MASS)
