@@ -111,7 +111,9 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
             curves.append(curve)
     for curve in () if surface.response_held else prediction.curves:
         if len(curve.frequency) and not any(curve is one for one in predicted.values()):
-            _draw_curve(axes, curve, scale.factor, "0.5", f"{curve.name}, not tested")
+            nominal = np.isclose(surface.levels, curve.level).any()
+            name = f"{curve.name}, {'held constant' if nominal else 'not tested'}"
+            _draw_curve(axes, curve, scale.factor, "0.5", name)
             curves.append(curve)
             untested.append(curve)
     tested = surface.select(surface.settled)
