@@ -24,7 +24,7 @@ from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.describing.derivation import derive
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
-from rsgen.identification.prediction.prediction_result import known_beyond, missed_findings
+from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results.result import held_out_lines
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
@@ -293,7 +293,7 @@ def test_folds_lie_where_the_frequency_turns(quintic):
     for curve in quintic[1].curves:
         flips = np.flatnonzero(np.diff(curve.stable.astype(int)))
         assert len(flips) == len(curve.folds)
-        for at, (_, amplitude) in zip(flips, curve.folds, strict=True):
+        for at, (_, amplitude) in zip(flips, curve.folds[:, :2], strict=True):
             rows = at + along.astype(int)
             frequency, size = (
                 np.polynomial.Polynomial.fit(along, part[rows], 3)
@@ -550,10 +550,35 @@ def test_a_jump_has_the_direction_of_the_sweep_in_which_it_is(k3, peak_jumps):
     stiff = Oscillator(1.5, "k*x + k3*x**3 + k5*x**5 + c*v", values)
     curve = predict(stiff, [0.3], band=(7, 13))[0.3]
     low, high = sorted(curve.folds[:, 0])
-    assert curve.jumps == (f"{low:.5g} down", f"{high:.5g} up")
-    at_peak = curve.folds[np.argmax(curve.folds[:, 1]), 0]
-    assert f"{at_peak:.5g} {peak_jumps}" in curve.jumps
-    assert "down, " in str(predict(stiff, [0.3], band=(7, 13)))
+    assert [(jump.frequency, jump.interval, jump.sweep) for jump in curve.jumps] == [
+        (low, (low, low), "down"),
+        (high, (high, high), "up"),
+    ]
+    assert max(curve.jumps, key=lambda jump: jump.amplitude).sweep == peak_jumps
+    assert f"{low:.5g} down, {high:.5g} up " in str(predict(stiff, [0.3], band=(7, 13)))
+
+
+def test_a_jump_frequency_and_the_largest_amplitude_have_the_interval_that_the_values_give():
+    """A jump was printed bare on every output, and the amplitude in Python."""
+    law, level = "k*x + k3*x**3 + c*v", 0.3
+    values = {"k": 6000.0, "k3": 2e7, "c": 1.0}
+    known = as_identification(Oscillator(1.5, law, values), [level])
+    off = np.array([{"k": 2.0, "k3": 2e5, "c": -0.02}[one.name] for one in known.refined])
+    found = replace(known, covariance=np.outer(off, off))
+    prediction = predict(found, [level])
+    at, names = np.array([one.value for one in known.refined]), [one.name for one in known.refined]
+    low, high = (
+        predict(Oscillator(1.5, law, dict(zip(names, at + part, strict=True))), [level])
+        for part in (-off, off)
+    )
+    for jump, less, more in zip(prediction[level].jumps, low[level].jumps, high[level].jumps, strict=True):
+        half = 1.96 * abs(more.frequency - less.frequency) / 2
+        assert jump.interval == pytest.approx((jump.frequency - half, jump.frequency + half), abs=0.02 * half)
+        assert jump.in_words() in str(prediction)
+        assert " to " in jump.in_words()
+    said = largest_of_curve(prediction[level], "", (0.0, np.inf))
+    assert f"{said['low']:.5g} to {said['high']:.5g}" in str(prediction)
+    assert prediction[level].jumps[1].in_words(" Hz", "in a sweep ") in sentence(said)
 
 
 def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reach():

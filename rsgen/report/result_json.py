@@ -33,7 +33,7 @@ from rsgen.describing.derivation import derive
 from rsgen.describing.function import PrintedComparison
 from rsgen.formula.printing import write
 from rsgen.formula.units import quantity_text
-from rsgen.identification.prediction import HeldOutLevel, Prediction
+from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification, Resonance
 from rsgen.identification.results.result import held_out_lines, mass_lines
 from rsgen.law.memory import FORCE_KEYS
@@ -204,6 +204,7 @@ def build_result(
         },
         "resonances": [_resonance(point) for point in identification.resonances],
         "background": _background(identification),
+        "predicted": [_predicted(curve) for curve in prediction],
         **entries,
         "ranking": None if identification.ranking is None else ranking_entry(identification.ranking),
     }
@@ -335,6 +336,27 @@ def _resonance(point: Resonance) -> dict[str, Any]:
     """Return the resonance of a level."""
     numbers = _finite_ones(point, ("frequency", "damping_ratio", "amplitude", "stiffness", "damping"))
     return {"level": finite_or_none(point.level), "sweep": point.sweep, **numbers, "jump": point.jump}
+
+
+def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
+    """Return the largest amplitude [m] of a curve, its 95 % band, where it is [Hz], and the jumps [Hz, m]."""
+    top = [int(np.nanargmax(curve.amplitude))] if len(curve.frequency) else []
+    highest = {name: getattr(curve, name)[top] for name in ("amplitude", "frequency", "lower", "upper")}
+    return {
+        "level": finite_or_none(curve.level),
+        "level_unit": curve.level_unit,
+        **{name: next(iter(numbers_or_none(value)), None) for name, value in highest.items()},
+        "still_rising": bool(top) and curve.rises_at_end,
+        "jumps": [
+            {
+                "frequency": jump.frequency,
+                "interval": list(map(finite_or_none, jump.interval)),
+                "amplitude": jump.amplitude,
+                "sweep": jump.sweep,
+            }
+            for jump in curve.jumps
+        ],
+    }
 
 
 def _held_out(item: HeldOutLevel, usable: bool = False) -> dict[str, Any]:

@@ -24,7 +24,8 @@ def curve(one: ResonanceCurve) -> Tree:
         "stable": series(one.stable), "extrapolated": series(one.extrapolated),
         "lower": series(one.lower, size, 0), "upper": series(one.upper, size, 1),
         "folds": [
-            {"frequency": series([f], frequency, 1), "amplitude": series([X], size, 1)} for f, X in one.folds
+            {"frequency": series([f], frequency, 1), "amplitude": series([X], size, 1)}
+            for f, X, _ in one.folds
         ],
     }  # fmt: skip
 

@@ -227,6 +227,12 @@ def test_result_keeps_the_contract():
     )
     assert read["surface"] == {"points": 488, "settled": 488, "origin": "simulated", "seconds": 0.5}
     assert all(len(read["equivalent"][name]) == len(SURFACE) for name in read["equivalent"])
+    assert [entry["level"] for entry in read["predicted"]] == [curve.level for curve in PREDICTION]
+    for entry, curve in zip(read["predicted"], PREDICTION, strict=True):
+        assert entry["lower"] < entry["amplitude"] < entry["upper"]
+        assert [tuple(jump.values()) for jump in entry["jumps"]] == [
+            (jump.frequency, list(jump.interval), jump.amplitude, jump.sweep) for jump in curve.jumps
+        ]
     element = read["elements"][0]
     assert parse(element["stiffness"]) == parse("k1 + 3/4*kn1*X**2")
     assert write(parse(element["force"])) == element["force"]

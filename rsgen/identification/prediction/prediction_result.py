@@ -8,20 +8,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf, nan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, freeze, true_runs
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
-from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short
+from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
+    CONFIDENCE_TEXT,
     HELD_OUT_ERROR_DOUBTFUL,
     HELD_OUT_ERROR_REJECTED,
     HELD_OUT_ERROR_SMALL,
     MAX_ERROR_TO_MISFIT,
     RELATIVE_CHANGE_NEGLIGIBLE,
+    ROUND_OFF,
+    interval_sigmas,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import level_name, match_level
@@ -40,6 +44,26 @@ MULTIPLIER_ROUND_OFF = 1e-6
 
 BEYOND = 1 + RELATIVE_CHANGE_NEGLIGIBLE
 """Amplitude relative to the largest tested one from which on a response is extrapolated."""
+
+
+class Jump(NamedTuple):
+    """Where the response jumps: frequency [Hz], amplitude [m] and sweep, "up" or "down", that ends there.
+
+    ``interval`` are the 95 % bounds of the frequency [Hz]: NaN where not known, equal without any error.
+    """
+
+    frequency: float
+    amplitude: float
+    interval: tuple[float, float]
+    sweep: str
+
+    def in_words(self, unit: str = "", sweep: str = "") -> str:
+        """Say frequency, interval and direction, with words after the numbers and before the direction."""
+        low, high = self.interval
+        error = (high - low) / (2 * interval_sigmas())
+        digits = with_error(self.frequency, error) if error > 0 else 5
+        band = f" ({low:.{digits}g} to {high:.{digits}g}{unit})" if error > 0 else ""
+        return f"{self.frequency:.{digits}g}{unit}{band} {sweep}{self.sweep}"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -63,7 +87,8 @@ class ResonanceCurve(Brief):
     lower, upper
         (k,) 95 % band of the amplitude at the frequency [m]; NaN at folds, where it is not defined.
     folds
-        (j, 2) frequency [Hz] and amplitude [m] of the points where the response jumps.
+        (j, 3) frequency [Hz], amplitude [m] and half width of the 95 % interval of the frequency [Hz], NaN
+        where it is not known, of the points where the response jumps; ``jumps`` names them.
     level_unit
         "N", or "m/s^2" of a driven base and where forces are per unit mass.
     force
@@ -99,12 +124,18 @@ class ResonanceCurve(Brief):
         return level_name(self.level, self.level_unit)
 
     @property
-    def jumps(self) -> tuple[str, ...]:
-        """Frequencies [Hz] at which the response jumps, each with "up" or "down" for the sweep.
+    def jumps(self) -> tuple[Jump, ...]:
+        """The folds, ascending in frequency, each with the direction of the sweep that jumps there.
 
         The frequency has an extremum along the curve there: a sweep up does not come beyond a largest one.
         """
-        return tuple(f"{fold:.5g} {way}" for fold, _, way in _directed_folds(self))
+        at, size, found = self.frequency, self.amplitude, list[Jump]()
+        for fold, height, half in sorted(self.folds.tolist()):
+            near = int(np.nanargmin(np.hypot(at / fold - 1, size / height - 1)))
+            around = np.nanmean(at[[max(near - 2, 0), min(near + 2, len(at) - 1)]])
+            way = "up" if around < fold else "down"
+            found.append(Jump(fold, height, (fold - half, fold + half), way))
+        return tuple(found)
 
     @property
     def rises_at_end(self) -> bool:
@@ -129,16 +160,6 @@ class ResonanceCurve(Brief):
         return {"by": by, "where": " and ".join(texts)}
 
 
-def _directed_folds(curve: ResonanceCurve) -> list[tuple[float, float, str]]:
-    """Return frequency [Hz], ascending, amplitude [m] and direction of the sweep that jumps of every fold."""
-    at, size, found = curve.frequency, curve.amplitude, []
-    for fold, height in sorted(curve.folds.tolist()):
-        near = int(np.nanargmin(np.hypot(at / fold - 1, size / height - 1)))
-        around = np.nanmean(at[[max(near - 2, 0), min(near + 2, len(at) - 1)]])
-        found.append((fold, height, "up" if around < fold else "down"))
-    return found
-
-
 def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -> tuple[Finding, ...]:
     """Find that a run swept one way leaves the upper branch where a sweep the other way meets it.
 
@@ -148,7 +169,7 @@ def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -
     sense = 1 if way == "up" else -1
     beyond = (frequency - frequency[top]) * sense
     step = float(beyond[beyond > 0].min(initial=inf))
-    for fold, height, direction in _directed_folds(curve):
+    for fold, height, _, direction in curve.jumps:
         near = -step / 2 <= (fold - frequency[top]) * sense <= 2 * step < inf and run.amplitude[top] > height
         if near and direction != way and set(run.sweep) == {way}:
             numbers = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(fold, "Hz")}
@@ -254,7 +275,7 @@ def largest_of_curve(curve: ResonanceCurve, base: str, band: tuple[float, float]
             numbers |= quantities("m", reached=size)
         else:
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
-    jumps = ", ".join(f"{jump.replace(' ', ' Hz in a sweep ')}" for jump in curve.jumps)
+    jumps = ", ".join(jump.in_words(" Hz", "in a sweep ") for jump in curve.jumps)
     beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
     folds = "folds" if len(curve.frequency) and np.isnan(curve.multiplier).all() else ""
     said = {"base": base, "jumps": jumps, "beyond": beyond, "stability": folds, **curve.lost}
@@ -485,20 +506,24 @@ class Prediction(Printed):
             return TextTable(of_records, tuple(scores), notes=tuple(map(str, self.findings)))
         rows = []
         for curve in self:
-            highest, extrapolated = [short(nan)] * 2, ""
+            highest, extrapolated = [short(nan)] * 3, ""
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
-                highest = [short(float(curve.amplitude[top])), short(float(curve.frequency[top]))]
-                highest[1] += ", still rising" if curve.rises_at_end else ""
+                low, high = float(curve.lower[top]), float(curve.upper[top])
+                band = f"{short(low)} to {short(high)}" if low < high else ""
+                highest = [short(float(curve.amplitude[top])), band, short(float(curve.frequency[top]))]
+                highest[2] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
-            rows.append((short(curve.level), *highest, ", ".join(curve.jumps), extrapolated))
+            jumps = ", ".join(jump.in_words() for jump in curve.jumps)
+            rows.append((short(curve.level), *highest, jumps, extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (
             f"level [{unit}]",
             "largest amplitude [m]",
+            f"{CONFIDENCE_TEXT} band",
             "at [Hz]",
-            "jumps at [Hz], sweep",
+            f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep",
             "extrapolated",
         )
         rises = any(curve.rises_at_end for curve in self if len(curve.frequency))

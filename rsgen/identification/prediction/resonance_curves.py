@@ -3,7 +3,7 @@
 At every amplitude X the balance F^2 = X^2 ((k - m omega^2)^2 + omega^2 c^2) is solved for the frequency
 (``amplitude_balance``). A branch is stable where |F| at constant frequency grows with X, d|F|/dX > 0; folds,
 where the response jumps, are the zeros of this slope. Bands of the amplitude are those of the force by linear
-propagation of the covariance of the parameters, divided by the slope.
+propagation of the covariance of the parameters, divided by the slope; those of a fold by that over omega.
 """
 
 from __future__ import annotations
@@ -403,21 +403,24 @@ def _curve(
     spans = balance.spans(force, window)
     parts = [part for span in spans for part in _branches(balance, force, span, window)]
     columns: list[list[NDArray[Any]]] = [[] for _ in range(8)]
-    folds: list[tuple[float, float]] = []
+    folds: list[tuple[float, ...]] = []
     for omega, size, harmonics in parts:
         # without them a law with several motions of an amplitude may answer with another one
         at = balance.solve(size, omega, harmonics)
         gain = (np.conj(at.force) * at.force_slope).real / np.abs(at.force) / size
-        spread = balance.force_spread(at) / np.maximum(np.abs(gain), 1e-300)
+        band = balance.force_spread(at)
+        spread = band / np.maximum(np.abs(gain), 1e-300)
         spread[spread > MAX_LINEAR_CHANGE * size] = np.nan
         seen, lag = _at_sensor(identification, omega, size, at.force)
         turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
         share = gain[turn] / (gain[turn] - gain[turn + 1])
-        frequency = omega / (2 * np.pi)
-        places = (value[turn] + share * (value[turn + 1] - value[turn]) for value in (frequency, seen))
-        folds += zip(*(place.tolist() for place in places), strict=True)
+        folded, height, inner, across = (
+            value[turn] + share * (value[turn + 1] - value[turn]) for value in (omega, seen, size, band)
+        )
+        half = balance.frequency_spread(across, inner, folded, at.harmonics[turn])
+        folds += np.stack([folded / (2 * np.pi), height, half / (2 * np.pi)], axis=1).tolist()
         values = (
-            *(frequency, seen, lag, gain, seen - spread, seen + spread, size),
+            *(omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size),
             balance.multiplier(at, omega),
         )
         for column, value in zip(columns, values, strict=True):
@@ -441,7 +444,7 @@ def _curve(
         | (frequency > known[1]),
         lower=np.maximum(lower, 0.0),
         upper=upper,
-        folds=np.array(folds).reshape(-1, 2),
+        folds=np.array(folds).reshape(-1, 3),
         multiplier=multiplier.astype(complex),
     )
 
