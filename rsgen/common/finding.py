@@ -158,8 +158,9 @@ class Verdict:
         return self.state in USABLE
 
     def __str__(self) -> str:
-        """Return the state with the codes that decided."""
-        codes = ", ".join(dict.fromkeys(finding.code for finding in self.decided_by))
+        """Return the state with the codes that decided, in the order in which to look at them."""
+        decided = import_module("rsgen.report.sentences").in_order(self.decided_by)
+        codes = ", ".join(dict.fromkeys(finding.code for finding in decided))
         return f"{self.state} ({codes})" if codes else self.state
 
 
@@ -234,6 +235,16 @@ def reasons_of(stated: StatedVerdict) -> list[str]:
 def verdict_lines(stated: StatedVerdict) -> list[str]:
     """Return the headline and, indented, what decided."""
     return [stated["headline"], *(f"  because: {reason}" for reason in reasons_of(stated))]
+
+
+def printed_findings(verdict: Verdict, findings: Iterable[Finding]) -> list[str]:
+    """Return the lines of ``print(found)``: what decided, as in ``explain``, a step, then the rest."""
+    said = import_module("rsgen.report.sentences")
+    stated, decided = said.state_verdict(verdict), said.in_order(verdict.decided_by)
+    first = _looked_at_first(stated)
+    others = sorted((one for one in findings if one not in decided), key=lambda one: one.severity == "info")
+    steps = [f"next: {step}" for step in steps_once(stated)[:1]]
+    return [*map(str, decided[:first]), *reasons_of(stated)[first:], *steps, *map(str, others)]
 
 
 def steps_once(stated: StatedVerdict) -> list[str]:

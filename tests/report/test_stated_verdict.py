@@ -67,6 +67,26 @@ def test_the_gravest_of_test_fit_and_held_out_levels_decides(tolerance, findings
     assert verdict.usable == (state in ("accepted", "identified"))
 
 
+@pytest.mark.parametrize(("decided", "shown"), [
+    ((replace(DOUBT, severity="error"), replace(ERROR, severity="doubt")), 2),
+    ((ERROR, DOUBT, Finding("another-quantity", "doubt", numbers={"then": 0.01}, names={"is": "+2"})), 1),
+])  # fmt: skip
+def test_what_is_printed_and_what_is_explained_have_one_order_and_one_first_step(decided, shown):
+    """The print began with what follows from the cause, and had no next step."""
+    found = found_with(WARNING, *decided)
+    stated = state_verdict(found.verdict)
+    codes = [one["code"] for one in stated["decided_by"]]
+    assert codes[0] == decided[-1].code
+    lines = str(found).splitlines()
+    assert lines[0] == f"{found.verdict.state} ({', '.join(codes)})"
+    begin = lines.index(next(line for line in lines if line.startswith(f"{decided[-1].severity}: ")))
+    first, more = stated["next_steps"][0], len(decided) - shown
+    assert lines[begin + shown + bool(more)] == f"next: {first}"
+    assert f"follow from that: {more} findings." in lines[begin + 1] or not more
+    assert lines[-1] == str(WARNING)
+    assert rsgen.explain(found).splitlines()[1] == f"  because: {stated['sentences'][0]}"
+
+
 @pytest.mark.parametrize(("origin", "given", "said"), [
     ("measured", {}, True), ("simulated", {}, False), ("measured", {"m": MASS}, False),
     ("measured", {"k": 5920.0}, False),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, Verdict, reach_verdict
+from rsgen.common.finding import Finding, Quantity, Verdict, printed_findings, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT, MAX_ERROR_TO_MISFIT, MISFIT_NEGLIGIBLE
 from rsgen.data.multisine.spectra import MultisineSpectra
@@ -515,7 +515,7 @@ class Identification(Printed):
                 tested,
                 *mass_lines(self),
                 *held_out_lines(self.held_out, self.verdict.usable),
-                *map(str, sorted(self.findings, key=lambda finding: finding.severity == "info")),
+                *printed_findings(self.verdict, self.findings),
             ),
         )
 
