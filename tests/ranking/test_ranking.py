@@ -124,6 +124,18 @@ def test_the_models_own_law_competes_and_keeps_its_names() -> None:
     assert [c.name for c in ranking.candidates].count("cubic-spring") == 1
 
 
+@pytest.mark.usefixtures("few_laws")
+def test_a_law_is_ranked_with_the_library_or_alone_and_the_table_says_which() -> None:
+    """A formula took the place of the library, and all laws of it were said to have been compared."""
+    own, test = "c*v + k*x + k7*x**7", measured("cubic")
+    both, alone = (rank(test, given, terms_in_sum=1) for given in ([own, laws["coulomb"], laws], own))
+    assert {own, "coulomb", "cubic-spring"} <= {candidate.name for candidate in both}
+    assert both.candidates[0].name == "cubic-spring"
+    assert (both.library, alone.library, len(alone)) == (len(FEW), 0, 1)
+    assert f"; {len(FEW)} laws of the library " in str(both).replace("\n", " ")
+    assert " laws of the library " not in str(alone).replace("\n", " ")
+
+
 _STOPS = ("one-sided-stop", "two-sided-stop", "dead-zone", "cubic-spring")
 _BESIDE = ("bilinear-spring", "power-damper", "coulomb", "quadratic-spring")
 

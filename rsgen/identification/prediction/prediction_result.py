@@ -24,7 +24,6 @@ from rsgen.common.tolerances import (
     HELD_OUT_ERROR_SMALL,
     MAX_ERROR_TO_MISFIT,
     RELATIVE_CHANGE_NEGLIGIBLE,
-    ROUND_OFF,
     interval_sigmas,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra

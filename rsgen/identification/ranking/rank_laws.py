@@ -62,7 +62,7 @@ from rsgen.identification.ranking.records import RecordTest
 from rsgen.identification.ranking.reference import PointTest
 from rsgen.identification.ranking.selection import Candidates, competitors, hides_even, law_text
 from rsgen.identification.results import Identification
-from rsgen.law.element import LawLike
+from rsgen.law.element import LawLike, Library
 from rsgen.law.memory import refuse_free_powers
 
 _LEADERS = 3
@@ -113,7 +113,7 @@ class _Compared:
 @np.errstate(all="ignore")
 def rank(
     surface: ResponseSurface | MultisineSpectra,
-    candidates: Model | LawLike | Sequence[LawLike] | None = None,
+    candidates: Model | LawLike | Library | Sequence[LawLike | Library] | None = None,
     observation: Observation | None = None,
     *,
     mass: float | None = None,
@@ -128,8 +128,8 @@ def rank(
         Settled points of any test, or spectra of a multisine; held-out levels are not used.
     candidates
         Formulas, elements and laws compete as they are; laws of ``rsgen.laws`` are added to a linear spring
-        and a linear damper, one by one and in sums. A model competes with all of the library. None: the
-        library.
+        and a linear damper, one by one and in sums. ``[law, rsgen.laws]``: a law with all of the library,
+        with which a model competes, too. None: the library.
     observation
         How the structure was observed; None: that of a model.
     mass
@@ -179,7 +179,7 @@ def rank(
     # of a law that is not odd the balance between two sensors needs the mean of the motion there
     terms = tuple(term for term in terms if not sensors or test.means[-1] or term.law.odd)
     rounds = _all_rounds(test, given, terms, terms_in_sum, progress)
-    ranking = _ranking(_best_round(rounds), tuple(laws), base, surface, progress)
+    ranking = replace(_ranking(_best_round(rounds), tuple(laws), base, surface, progress), library=len(terms))
     if isinstance(surface, MultisineSpectra) or (centred := without_offset(surface)) is surface:
         return ranking
     # the mean may be the sensor's where no law has such a place of rest, or only one with more parameters

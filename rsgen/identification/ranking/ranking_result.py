@@ -52,12 +52,18 @@ OWN = "the case's own law"
 
 _ORDER = (
     "BIC: above the lowest; unseen: error on levels not fitted; order: first the simplest of those that tie "
-    "with the best, then by BIC, last what predicts unseen levels worse than a simpler law; all laws of the "
-    "library and their sums were compared once, and those that left least are listed, with the best single "
-    "laws: to see another one, give it as a law of your own; names: k and c of a sum are its linear spring "
-    "and damper, and where the library has the same name for another parameter, that ends with _ here"
+    "with the best, then by BIC, last what predicts unseen levels worse than a simpler law; "
 )
-"""The order and the names of a ranking, as tables say them."""
+"""The order of a ranking, as tables say it."""
+
+_LIBRARY = (
+    " laws of the library and their sums were compared once, and those that left least are listed, with the "
+    "best single laws: to see another one, give it as a law of your own (in Python [law, rs.laws]); names: k "
+    "and c of a sum are its linear spring and damper, and where the library has the same name for another "
+    "parameter, that ends with _ here"
+)
+_GIVEN_ALONE = "the laws that were given were compared, not the library: in Python [law, rs.laws] are both"
+"""Which laws competed, after their number, and the names of a ranking."""
 
 _COLUMNS_OF_NAME = 43
 """Of the 80 of a terminal."""
@@ -144,6 +150,8 @@ class Ranking(Printed):
         The test; ``best`` identifies the best law on it.
     identified
         That identification, whose doubts are among the findings; None: made when ``best`` is asked for.
+    library
+        Number of laws of the library that competed, alone and in sums.
     """
 
     candidates: tuple[Candidate, ...]
@@ -154,6 +162,7 @@ class Ranking(Printed):
     unexplained: float
     surface: ResponseSurface | MultisineSpectra | None = None
     identified: Identification | None = None
+    library: int = 0
     _best: list[Identification] = field(default_factory=list, init=False)
 
     @property
@@ -284,7 +293,8 @@ class Ranking(Printed):
         best = whole_name(self.candidates[0].name, self.model.sensors)
         judged = "periods" if isinstance(self.surface, MultisineSpectra) else "neighbouring points"
         caption = f"best: {best} ({fits}), noise {short(100 * self.noise, 2)} % by {judged}"
-        return TextTable(tuple(columns), rows, caption=caption, notes=(_ORDER,))
+        competed = f"{self.library}{_LIBRARY}" if self.library else _GIVEN_ALONE
+        return TextTable(tuple(columns), rows, caption=caption, notes=(_ORDER + competed,))
 
 
 def _topic(finding: Finding) -> tuple[str, ...]:

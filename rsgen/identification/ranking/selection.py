@@ -393,7 +393,7 @@ class Candidates:
 
 
 def competitors(
-    candidates: Model | LawLike | Sequence[LawLike] | None,
+    candidates: Model | LawLike | Library | Sequence[LawLike | Library] | None,
 ) -> tuple[dict[str, tuple[Element, ...]], tuple[Term, ...], Model]:
     """Return the laws of the user by name, terms of the library, and a model with observation and mass."""
     linear = Model((make_element("linear-spring", "k*x"), make_element("linear-damper", "c*v")))
@@ -401,14 +401,15 @@ def competitors(
         return {}, library_terms(), linear
     if isinstance(candidates, Model):
         return {OWN: candidates.elements}, library_terms(), candidates
-    if isinstance(candidates, Library):
-        candidates = tuple(candidates)
     if isinstance(candidates, str) or not isinstance(candidates, Sequence):
         candidates = [candidates]
     laws: dict[str, tuple[Element, ...]] = {}
-    terms, alone = [], set[str]()
+    terms, alone = list[Term](), set[str]()
     library = {term.source: term for term in library_terms()}
     for law in candidates:
+        if isinstance(law, Library):
+            terms += library.values()
+            continue
         if isinstance(law, Law) and law in library:
             terms.append(library[law])
             continue
@@ -422,7 +423,7 @@ def competitors(
     laws |= {name: _completed(laws[name], sensors) for name in laws if name in alone}
     if not laws and not terms:
         raise RsgenError("ranking: no candidate given; give formulas or laws, or none for all of rsgen.laws")
-    return laws, tuple(terms), linear
+    return laws, tuple(dict.fromkeys(terms)), linear
 
 
 def law_text(elements: Sequence[Element]) -> str:
