@@ -314,6 +314,9 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
         moved = float(free.parameters[place]) - given
         times = abs(moved) / float(np.sqrt(free.covariance[place, place]))
         far = abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given)
+        # next to a wrong law, background or gain no other value leaves nothing but noise
+        noise = not (fit.shared or is_systematic(free.residual, problem.observed.points.pairs(free.used)))
+        far |= fit.systematic and noise
         # a small change may move the stiffness of each side by much
         moves = {} if far else largest_move(kept.parameters, free, names)
         clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE

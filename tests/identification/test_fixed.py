@@ -50,6 +50,25 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
 
 
+@pytest.mark.parametrize(
+    ("times", "wrong"), [(1.006, ""), (0.995, ""), (1, "gains"), (1, "pick-up"), (1, "law")]
+)
+def test_a_mass_hardly_off_comes_first_where_another_leaves_noise(times, wrong):
+    """It was 40 standard errors off, which were given to the sides of the resonance and to a background."""
+    test = noisy(surface("cubic"), 1e-3, 1)
+    gains = 1 + 0.006 * np.sin(3 * test.level)
+    test = replace(test, force=test.force * gains) if wrong == "gains" else test
+    test = beside(test, 0.01 * test.force / 5920) if wrong == "pick-up" else test
+    law = LAWS["cubic" if wrong != "law" else "combined"][0]
+    asked = rsgen.identify(
+        noisy(surface("combined"), 1e-3, 1) if wrong == "law" else test, law, mass=times * MASS
+    )
+    assert ("fixed-contradicted" in codes(asked)) == (not wrong)
+    if not wrong:
+        assert [one.code for one in asked.verdict.decided_by] == ["fixed-contradicted"]
+        assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree"}
+
+
 @pytest.mark.parametrize(("times", "said"), [
     (2.0, "factor of 2, as"), (1000.0, "of 1000, as mm from m, g from kg"), (2.2046, "pounds"),
     (3.0, "is 3 times the one that the points show"), (100.0, "as cm from m"),
