@@ -20,7 +20,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from rsgen.cases.tables import Maker, Obeys, Quantity, Table, Text, table_of
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule
-from rsgen.common.errors import MeasurementError, RsgenError, shown_path
+from rsgen.common.errors import MeasurementError, RsgenError, one_line, shown_path
 from rsgen.common.text_table import Brief
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.record_set import BASE_UNITS, PlannedTest
@@ -373,7 +373,7 @@ def law_faults(case: Case) -> list[str]:
             if case.test.in_time or not element.force.has(Structural):
                 generate(element.force)
         except RsgenError as fault:
-            faults.append(f"{place}.force: {' '.join(str(fault).split())}")
+            faults.append(f"{place}.force: {one_line(fault)}")
     if not faults and case.oscillator is not None:
         drifts = free_mean_fault(case.oscillator, case.test)
         never = [drifts] if drifts else _never_settles(case.oscillator, case.test)

@@ -18,13 +18,14 @@ from pydantic import ValidationError
 import rsgen.files
 from rsgen.cases.case import VIRTUAL_TESTS, Case, CaseDocument, Document, ElementTable, make_measured
 from rsgen.cases.faults import KINDS, name_fault, open_places, parse_case, read_text, sentences, text_fault
-from rsgen.cases.tables import MAX_POINTS, Maker, reason
+from rsgen.cases.tables import MAX_POINTS, Maker
 from rsgen.common.errors import (
     CaseError,
     ExpressionError,
     RsgenError,
     listed,
     near_file,
+    one_line,
     quote,
     require,
     shown_path,
@@ -193,12 +194,15 @@ def _unknown(name: str, known: Collection[str]) -> str:
     try:
         check_name(name)
     except ExpressionError as fault:
-        return reason(fault)
+        return one_line(fault)
     return f"is no parameter of the elements; {suggest(name, known)}{listed}"
 
 
 class _Builder:
-    """Collects faults while the parts are built one after the other."""
+    """Collects faults while the parts of a document, its shapes checked, are built one after the other.
+
+    Measured files are looked for in the ``folders``, in this order.
+    """
 
     def __init__(self, document: Document, folders: tuple[Path, ...]) -> None:
         self.document = document
@@ -248,7 +252,7 @@ class _Builder:
             try:
                 element = _make(table)
             except RsgenError as error:
-                text = reason(error)
+                text = one_line(error)
                 # what is wrong with an equation says its own key
                 self.faults.append(f"{place}.{text if text.startswith('memory.') else f'{key}: {text}'}")
                 continue
@@ -265,7 +269,7 @@ class _Builder:
             memory_form(force)
             units = dict(parameter_units(force))
         except RsgenError as fault:
-            self.fault("element", reason(fault))
+            self.fault("element", one_line(fault))
             self.units_fit = False
             units = {}
         names = sorted({name for element in elements for name in element.parameters})
@@ -289,7 +293,7 @@ class _Builder:
                 of_dimension = units[name] and "needed" in str(fault)
                 term = next((part for part in terms if part.has(symbol(name))), None)
                 why = f"; {write(term)} must be a force" if of_dimension and term is not None else ""
-                self.fault(f"{place}.{name}", f"{reason(fault)}{why}")
+                self.fault(f"{place}.{name}", f"{one_line(fault)}{why}")
         return values
 
     def truth(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
@@ -347,7 +351,7 @@ class _Builder:
             try:
                 formulas[key] = parse(text, names={*units, "X", "X0", "omega"})
             except ExpressionError as fault:
-                self.fault(f"printed.{key}", reason(fault))
+                self.fault(f"printed.{key}", one_line(fault))
         return formulas
 
     def accept(self, elements: tuple[Element, ...], units: dict[str, str]) -> dict[str, float]:
@@ -383,7 +387,13 @@ class _Builder:
         return {}
 
     def case(self, path: Path, text: str) -> Case:
-        """Make the case of a document; its faults are gathered, and raised together at the end."""
+        """Make the case of a document from its file and text.
+
+        Raises
+        ------
+        CaseError
+            With one sentence a fault, each with its key.
+        """
         document = self.document
         self.texts()
         elements = self.elements()
@@ -417,7 +427,7 @@ class _Builder:
             # where a test determines no mass, that of the case is known beforehand, as in a laboratory
             model = Model(elements, test.known_mass(mass), observation, fixed)
         except RsgenError as fault:
-            raise CaseError([f"identify.{reason(fault)}"]) from None
+            raise CaseError([f"identify.{one_line(fault)}"]) from None
         oscillator = Oscillator(cast("float", mass), elements, values) if self.simulated else None
         return Case(
             path=path,
@@ -434,26 +444,6 @@ class _Builder:
             printed=printed,
             ranked=document.model == "rank",
         )
-
-
-def build(document: Document, path: Path, text: str, folders: tuple[Path, ...]) -> Case:
-    """Build the case.
-
-    Parameters
-    ----------
-    document
-        The case file, its shapes checked.
-    path, text
-        The file and what it contains.
-    folders
-        Where measured files are looked for, in this order.
-
-    Raises
-    ------
-    CaseError
-        With one sentence a fault, each with its key.
-    """
-    return _Builder(document, folders).case(path, text)
 
 
 DATA_VARIABLE = "RSGEN_DATA"
@@ -481,7 +471,7 @@ def _further_faults(tree: dict[str, Any], error: ValidationError, folders: tuple
                 table = table[part]
         table.pop(key, None)
     try:
-        build(CaseDocument.model_validate(rest), Path(), "", folders)
+        _Builder(CaseDocument.model_validate(rest), folders).case(Path(), "")
     except ValidationError:
         return []
     except CaseError as further:
@@ -517,7 +507,7 @@ def load_case(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
         text = read_text(file)
         tree = parse_case(text)
         try:
-            case, faults = build(CaseDocument.model_validate(tree), file, text, folders), list[str]()
+            case, faults = _Builder(CaseDocument.model_validate(tree), folders).case(file, text), list[str]()
         except ValidationError as error:
             case, faults = None, [*sentences(error, CaseDocument), *_further_faults(tree, error, folders)]
         except CaseError as error:

@@ -21,7 +21,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from rsgen.cases.faults import is_device
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Declared, Rule, declared, read_hint
-from rsgen.common.errors import RsgenError, quote
+from rsgen.common.errors import RsgenError, one_line, quote
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.units import quantity, sensor_unit
 
@@ -350,11 +350,6 @@ def table_of(
     return _model(name, tree)
 
 
-def reason(fault: Exception) -> str:
-    """Return what an exception says, on one line."""
-    return " ".join(str(fault).split())
-
-
 def _find(table: Any, key: str) -> Any:
     for part in key.split(".") if key else ():
         table = getattr(table, part, None)
@@ -392,7 +387,7 @@ class Maker:
         except RsgenError as fault:
             label = self._label(value, rule)
             if label is None:
-                self.faults.append(f"{place}: {reason(fault).replace('standard_gravity', 'g')}")
+                self.faults.append(f"{place}: {one_line(fault).replace('standard_gravity', 'g')}")
                 return None
             found = label
         wrong = rule.fault(found)
@@ -442,7 +437,7 @@ class Maker:
             try:
                 return cls(**values)
             except RsgenError as fault:
-                self.faults.append(f"{place}: {reason(fault)}")
+                self.faults.append(f"{place}: {one_line(fault)}")
         return made
 
     def _convert(self, base: Any, rule: Rule, raw: Any, place: str) -> Any:

@@ -120,7 +120,12 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(names[:LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
-def printable(text: str, limit: int = 1000) -> str:
+def one_line(fault: object) -> str:
+    """Return what an exception says, on one line."""
+    return " ".join(str(fault).split())
+
+
+def printable(text: str, limit: int | None = 1000) -> str:
     """Show what another program says in a message: shortened, control characters escaped."""
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text)[:limit]
 
@@ -207,6 +212,16 @@ def keep_from_terminal() -> None:
             logger.setLevel(logging.DEBUG)
 
 
+def faults_of(fault: Exception, about: str, place: str = "") -> tuple[str, ...]:
+    """Return why a case failed, in sentences that begin with its file and key, while the error is handled."""
+    if isinstance(fault, CaseError):
+        return fault.faults
+    if isinstance(fault, RsgenError):
+        text = one_line(fault)
+        return (text if text.startswith(about) else f"{about}: {place}{text}",)
+    return (program_fault(fault, about),)
+
+
 def program_fault(fault: BaseException, about: str) -> str:
     """Return an unexpected error as a sentence, and write its traceback to the log.
 
@@ -223,9 +238,9 @@ def program_fault(fault: BaseException, about: str) -> str:
     if isinstance(fault, MemoryError):
         return f"{about}: there is too little memory for it; give the program more, or ask for fewer points"
     if isinstance(fault, OSError):
-        what = " ".join(f"{fault.strerror or fault}{f': {name}' if (name := fault.filename) else ''}".split())
+        what = one_line(f"{fault.strerror or fault}{f': {name}' if (name := fault.filename) else ''}")
         return f"{about}: the system refuses what this needs: {what[:300]}"
-    text = " ".join(f"{type(fault).__name__}: {fault}".split())
+    text = one_line(f"{type(fault).__name__}: {fault}")
     if isinstance(fault, ImportError) and not isinstance(fault, ModuleNotFoundError):
         return f"{about}: a library cannot be loaded, perhaps for want of memory or open files: {text[:300]}"
     return (

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.io import wavfile
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-from rsgen.common.errors import MeasurementError
+from rsgen.common.errors import MeasurementError, one_line
 from rsgen.files.tree import MAX_DEPTH, Node, array_bytes, is_wanted, open_archive
 
 
@@ -47,9 +47,7 @@ def _nodes(path: str, content: bytes, largest: int) -> Iterator[Node]:
     try:
         values = npy.read_array(file, allow_pickle=False)
     except Exception as fault:  # the header is read as Python text, so any fault of a parser may come
-        raise MeasurementError(
-            f"is no whole .npy array of numbers: {' '.join(str(fault).split())[:160]}"
-        ) from None
+        raise MeasurementError(f"is no whole .npy array of numbers: {one_line(fault)[:160]}") from None
     if file.read(1):
         raise MeasurementError("holds more than its header declares; the file is damaged")
     names = values.dtype.names
@@ -74,7 +72,7 @@ def walk_npz(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[N
                 # read as a whole: only at its end an archive compares the CRC-32 of a member
                 yield from _nodes(path, archive.read(member), largest)
             except Exception as fault:
-                yield Node.refused(path, " ".join(str(fault).split())[:160])
+                yield Node.refused(path, one_line(fault)[:160])
 
 
 # ----------------------------------------------------------------------------
@@ -163,15 +161,6 @@ def _check_sizes(
 
 def walk_matlab(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
     """Walk through the variables of a MAT file of version 4 to 7.
-
-    Parameters
-    ----------
-    file
-        The open file.
-    heads
-        Variables that are wanted; None for all.
-    largest
-        Bytes of numbers that may be read.
 
     Raises
     ------

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding
 from rsgen.data.record_set import QUANTITIES
 from rsgen.formula.unit_text import MAX_UNIT_CHARACTERS
-from rsgen.formula.units import quantity, sensor_unit
+from rsgen.formula.units import sensor_size
 
 if TYPE_CHECKING:
     from rsgen.files.plan import MeasuredTest
@@ -57,17 +55,13 @@ def unit_doubts(
     target = test.unit_of(channel)
     for column in channel.columns:
         title = unit_in(titles.get(column, ""))
-        try:
-            said, read = (
-                quantity(f"1 {sensor_unit(u, target)}", target) for u in (title or target, channel.unit)
-            )
-        except RsgenError:
+        said, read = (sensor_size(unit, target) for unit in (title or target, channel.unit))
+        if said is None or read is None:
             # a title may end like a unit of something else; volts are what a sensor gives without its factor
             bracketed = titles.get(column, "").rstrip()[-1:] in (")", "]")
             if title in VOLTAGES or (bracketed and is_of_signal(title)):
                 found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
-            continue
-        if title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
+        elif title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
             found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
     return found
 
@@ -78,11 +72,7 @@ _SIGNALS = ("V", "N", *(unit + per for unit in QUANTITIES.values() for per in ("
 
 def is_of_signal(unit: str) -> bool:
     """Return True for a unit of a sensor's output, a force, a motion, or of motion over force."""
-    for target in _SIGNALS:
-        with suppress(RsgenError):
-            quantity(f"1 {sensor_unit(unit, target)}", target)
-            return True
-    return False
+    return any(sensor_size(unit, target) is not None for target in _SIGNALS)
 
 
 _NAMED = r"(?:Hz|kHz|rpm|s|ms|us|N|mN|kN|lbf|m|mm|um|µm|nm|mil|mils|in|g|deg|rad|V|mV)"

@@ -64,7 +64,8 @@ class Format:
         What a case calls it; of a format that needs a package also the extra that brings the package.
     module, walk
         The module of ``rsgen.files`` and its function that reads such a file; only the confined process
-        imports it.
+        imports it. The function is called with the open file, the names at its root that are wanted (None
+        for all), and the bytes of numbers that may be read.
     begins
         Whether a file is one, by its first 1024 bytes.
     endings

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import MeasurementError, RsgenError, quote, shown_path
+from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -20,10 +20,10 @@ from rsgen.files.column_titles import VOLTAGES, is_of_signal, unit_doubts, unit_
 from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
-from rsgen.files.signals import RADIANS, Channel
+from rsgen.files.signals import RADIANS, Channel, star_pattern
 from rsgen.files.text_columns import Columns, read_columns
-from rsgen.files.tree import StoredArray, star_pattern
-from rsgen.formula.units import quantity, sensor_unit
+from rsgen.files.tree import StoredArray
+from rsgen.formula.units import sensor_size
 
 # ----------------------------------------------------------------------------
 # Channels whose unit the case leaves to the file, brought to SI.
@@ -68,17 +68,17 @@ def scaled(values: NDArray[Any], factor: float) -> NDArray[Any]:
     return values if factor == 1 else values * values.dtype.type(factor)
 
 
-def to_si(
-    test: MeasuredTest, label: str, wanted: Sequence[int | str], groups: Sequence[list[StoredArray]]
-) -> tuple[Finding, ...]:
-    """Bring channels to SI where the case leaves the unit to the file.
+Groups = dict[int | str, list[StoredArray]]
+"""The channels that each address means."""
+
+
+def to_si(test: MeasuredTest, label: str, groups: Groups) -> tuple[Finding, ...]:
+    """Bring channels to SI, in place, where the case leaves the unit to the file.
 
     Parameters
     ----------
     test, label
         The plan, and the file for messages.
-    wanted, groups
-        Addresses, and the channels that each means.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def to_si(
     """
     findings = {}
     left = _left_to_file(test)
-    for address, channels in zip(wanted, groups, strict=True):
+    for address, channels in groups.items():
         source = left.get(address)
         target = test.unit_of(source) if source else ""
         for channel in channels:
@@ -102,9 +102,8 @@ def to_si(
                     f"{label}: the unit of {quote(channel.path)} is not known: {channel.unit_source}; "
                     "name it by unit in the case"
                 )
-            try:
-                factor = quantity(f"1 {sensor_unit(channel.unit or target, target)}", target)
-            except RsgenError:
+            factor = sensor_size(channel.unit or target, target)
+            if factor is None:
                 # a unit of another dimension than the quantity
                 about = {"file": label, "column": str(address), "unit": target, "title": channel.unit}
                 # a factor may be that of a sensor's volts
@@ -194,34 +193,25 @@ class Table:
         return replace(self, columns=columns, number=self.number[mask], block=self.block[mask])
 
 
-def _stars(pattern: str, path: str) -> tuple[str, ...]:
+def _stars(pattern: object, path: str) -> tuple[str, ...]:
     """Return the texts that the * of an address match in a path."""
-    found = star_pattern(re.sub(r"\[[\d,:]+\]\Z", "", pattern)).fullmatch(path)
+    found = star_pattern(re.sub(r"\[[\d,:]+\]\Z", "", str(pattern))).fullmatch(path)
     return found.groups() if found else (path,)
 
 
-def _entries(
-    label: str, wanted: Sequence[int | str], groups: Sequence[list[StoredArray]]
-) -> list[dict[int | str, NDArray[Any]]]:
+def _entries(label: str, groups: Groups) -> list[dict[int | str, NDArray[Any]]]:
     """Sort what wildcards found into entries: the same * stands for the same name in every column."""
-    pairs = zip(wanted, groups, strict=True)
-    several = {address: group for address, group in pairs if isinstance(address, str) and "*" in address}
-    if not several:
-        return [{address: group[0].values for address, group in zip(wanted, groups, strict=True)}]
-    keys = {address: [_stars(address, c.path) for c in group] for address, group in several.items()}
-    first = next(iter(keys))
+    keys = {a: [_stars(a, one.path) for one in group] for a, group in groups.items() if "*" in str(a)}
+    first, known = next(iter(keys.items()), ("", [()]))
     for address, found in keys.items():
-        if found != keys[first]:
+        if found != known:
             raise MeasurementError(
-                f"{label}: {quote(first)} means {len(keys[first])} entries and {quote(address)} others "
+                f"{label}: {quote(first)} means {len(known)} entries and {quote(address)} others "
                 f"({len(found)}); every entry must have both"
             )
     return [
-        {
-            a: (group[number] if a in keys else group[0]).values
-            for a, group in zip(wanted, groups, strict=True)
-        }
-        for number in range(len(keys[first]))
+        {a: group[number if a in keys else 0].values for a, group in groups.items()}
+        for number in range(len(known))
     ]
 
 
@@ -287,30 +277,23 @@ def _column(text: Columns, place: int, name: int | str) -> StoredArray:
 
 def read_channels(
     test: MeasuredTest, path: Path, wanted: Sequence[int | str], sha256: str | None
-) -> tuple[list[list[StoredArray]], tuple[Finding, ...], Columns | None]:
-    """Read channels of a file of a test.
+) -> tuple[Groups, tuple[Finding, ...], Columns | None]:
+    """Read channels of a file of a test, by different addresses.
 
     Returns
     -------
     For each address the arrays it means; findings about their units and rows; and of a text its lines and
     blocks.
     """
-    form = recognise_format(path) if test.format == "auto" else test.format
-    if form == "csv":
-        text = read_columns(path, test.layout, wanted, sha256)
-        label = shown_path(path)
-        places = iter(range(len(text.names)))
-        groups = [
-            [_column(text, next(places), name) for _ in range(span)]
-            for name, span in zip(wanted, text.spans, strict=True)
-        ]
-        return (
-            groups,
-            (*to_si(test, label, wanted, groups), *_about_rows(label, text, sha256 is not None)),
-            text,
-        )
-    groups = read_binary(path, form, wanted, sha256)
-    return groups, to_si(test, shown_path(path), wanted, groups), None
+    form, label = recognise_format(path) if test.format == "auto" else test.format, shown_path(path)
+    if form != "csv":
+        groups = dict(zip(wanted, read_binary(path, form, wanted, sha256), strict=True))
+        return groups, to_si(test, label, groups), None
+    text = read_columns(path, test.layout, wanted, sha256)
+    places = iter(range(len(text.names)))
+    spans = zip(wanted, text.spans, strict=True)
+    groups = {name: [_column(text, next(places), name) for _ in range(span)] for name, span in spans}
+    return groups, (*to_si(test, label, groups), *_about_rows(label, text, sha256 is not None)), text
 
 
 def read_table(
@@ -340,10 +323,9 @@ def read_table(
     """
     groups, findings, text = read_channels(test, path, wanted, sha256)
     label = shown_path(path)
-    parts = [_aligned(label, entry, test.frequency) for entry in _entries(label, wanted, groups)]
+    parts = [_aligned(label, entry, test.frequency) for entry in _entries(label, groups)]
     names, units = (
-        {name: getattr(group[0], word) for name, group in zip(wanted, groups, strict=True)}
-        for word in ("path", "unit")
+        {name: getattr(group[0], word) for name, group in groups.items()} for word in ("path", "unit")
     )
     lengths = [len(next(iter(part.values()))) for part in parts]
     if sum(lengths) > MAX_ROWS:
@@ -357,9 +339,9 @@ def read_table(
         block = text.block if len(parts) == 1 else block
         return Table(label, columns, "line", number, block, findings, names, units)
     # rows of several entries are counted through
-    first = groups[0][0].row if len(parts) == 1 else 1
+    first = groups[wanted[0]][0].row if len(parts) == 1 else 1
     number = first + np.arange(sum(lengths))
-    starred = next((g for name, g in zip(wanted, groups, strict=True) if "*" in str(name)), [])
+    starred = next((group for name, group in groups.items() if "*" in str(name)), [])
     entries = tuple(one.path.rpartition("/")[0] or one.path for one in starred)
     return Table(label, columns, "row", number, block, findings, names, units, entries)
 

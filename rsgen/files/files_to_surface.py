@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import nan
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import MeasurementError, RsgenError, listed, quote, shown_path
+from rsgen.common.errors import MeasurementError, listed, quote, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.history import (
@@ -45,7 +44,7 @@ from rsgen.files.nominal_levels import (
     stable_points,
 )
 from rsgen.files.plan import HERTZ, HistoryRule, MeasuredTest
-from rsgen.formula.units import quantity, sensor_unit
+from rsgen.formula.units import sensor_size
 from rsgen.law.motion import cycle_work
 
 # ----------------------------------------------------------------------------
@@ -251,8 +250,7 @@ def _level_factor(test: MeasuredTest, unit: str) -> float:
     factor = test.factor("level")
     if test.level.unit is None and unit and test.calibrated:
         # a unit of something else, such as the volts of a drive, is passed over: the forces will tell
-        with suppress(RsgenError):
-            factor *= quantity(f"1 {sensor_unit(unit, test.level_unit)}", test.level_unit)
+        factor *= sensor_size(unit, test.level_unit) or 1.0
     return factor
 
 

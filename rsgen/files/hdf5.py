@@ -163,15 +163,6 @@ class _Walk:
 def walk_hdf5(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
     """Walk through an HDF5 file.
 
-    Parameters
-    ----------
-    file
-        The open file.
-    heads
-        Names at the root that are wanted; None for all.
-    largest
-        Bytes of numbers that may be read.
-
     Raises
     ------
     MeasurementError

@@ -38,7 +38,7 @@ def _rows(
     groups, found, _ = read_channels(test, path, wanted, sha256)
     findings += found
     rows: dict[int | str, NDArray[Any]] = {}
-    for name, channels in zip(wanted, groups, strict=True):
+    for name, channels in groups.items():
         if len(channels) != 1:
             raise MeasurementError(
                 f"{label}: {quote(name)} means {len(channels)} arrays; name one of them, or write each "
@@ -53,7 +53,7 @@ def _rows(
         if values.dtype.kind == "c":
             raise MeasurementError(f"{label}: {quote(name)} is complex; samples are real numbers")
         rows[name] = values
-    titles = {name: channels[0].path for name, channels in zip(wanted, groups, strict=True)}
+    titles = {name: channels[0].path for name, channels in groups.items()}
     for channel in test.sources:
         if channel.samples in rows:
             findings += unit_doubts(test, label, titles, channel)
@@ -113,8 +113,10 @@ def _rates_by(test: MeasuredTest, path: Path, entry: Entry, length: int) -> tupl
         return [entry.low * unit for unit in hertz] if known else [], _MAX_RATE_ERROR
     if entry.size != length or not (clues.TIME(entry) or entry.unit in SECONDS):
         return [], 0.0
-    groups, *_ = read_channels(test, path, [int(entry.path) if entry.path.isdigit() else entry.path], None)
-    stamps = np.asarray(groups[0][0].values.ravel(), dtype=np.float64)
+    place = int(entry.path) if entry.path.isdigit() else entry.path
+    stamps = np.asarray(
+        read_channels(test, path, [place], None)[0][place][0].values.ravel(), dtype=np.float64
+    )
     span, steps_of = stamps[-1] - stamps[0], np.diff(stamps)
     even = np.linspace(stamps[0], stamps[-1], length)
     # also False for NaN
@@ -286,24 +288,13 @@ def _histories(test: MeasuredTest, rule: HistoryRule, number: int) -> list[TimeH
     ]
 
 
-def read_histories(test: MeasuredTest) -> list[TimeHistory]:
-    """Read the time histories of a test whose plan has a ``history``, one a file.
+def read_motions(test: MeasuredTest) -> list[list[TimeHistory]]:
+    """Read the time histories, one a file, of each motion: the response, then that across where one is asked.
 
     Raises
     ------
     MeasurementError
         A file cannot be read as the plan says, its times are not evenly spaced, lengths differ.
-    """
-    return read_motions(test)[0]
-
-
-def read_motions(test: MeasuredTest) -> list[list[TimeHistory]]:
-    """Read the time histories of each motion: the response, then that across where the plan asks for one.
-
-    Raises
-    ------
-    MeasurementError
-        As of ``read_histories``.
     """
     rule = cast("HistoryRule", test.history)
     files = [_histories(test, rule, number) for number in range(len(test.files))]

@@ -21,7 +21,7 @@ from rsgen.data.surface.mode_findings import nearest_factor
 from rsgen.data.surface.plausibility import COMMON_FACTORS
 from rsgen.data.surface.response_surface import ResponseSurface, amounts_of_levels, typical_amounts
 from rsgen.files.plan import UNIT_IN_NAME, MeasuredTest
-from rsgen.files.tree import star_pattern
+from rsgen.files.signals import star_pattern
 
 # ----------------------------------------------------------------------------
 # The levels of a table of amplitudes, and the stability of its points.

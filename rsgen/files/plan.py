@@ -27,8 +27,8 @@ from rsgen.files.signals import (
     Seconds,
     Unit,
     combination,
+    star_pattern,
 )
-from rsgen.files.tree import star_pattern
 from rsgen.formula.units import quantity, sensor_factor, sensor_unit
 
 MAX_FILES = 200

@@ -33,7 +33,7 @@ from typing import IO, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.errors import MeasurementError, printable, shown_path
+from rsgen.common.errors import MeasurementError, one_line, printable, shown_path
 from rsgen.common.process import (
     MAX_ANSWER_BYTES,
     MEMORY_STATUS,
@@ -342,7 +342,7 @@ def main() -> None:
             # messages about variables of a reader do not help a user
             internal = isinstance(fault, UnboundLocalError | AttributeError | TypeError | IndexError)
             internal = internal or (isinstance(fault, OSError) and fault.errno is not None)
-            reason = "its parts do not fit together" if internal else " ".join(str(fault).split())[:160]
+            reason = "its parts do not fit together" if internal else one_line(fault)[:160]
             raise MeasurementError(
                 f"cannot be read as {order['format']}: {reason or type(fault).__name__}; it is damaged"
             ) from None

@@ -35,6 +35,23 @@ Column = Annotated[
         what="a column number from 1 (the first) to 10000, or a column name of 1 to 200 characters,",
     ),
 ]
+
+
+def star_pattern(address: str) -> re.Pattern[str]:
+    """Compile an address: each * takes the shortest text of a sign or more that fits, between two /.
+
+    A * that has found its text keeps it, so that the time is linear in the number of stars.
+
+    Examples
+    --------
+    >>> star_pattern("run_*/ch*_*").fullmatch("run_1/ch2_3_4").groups()
+    ('1', '2', '3_4')
+    """
+    first, *others = map(re.escape, address.split("*"))
+    texts = [f"(?>([^/]+?){text})" for text in others[:-1]] + [f"([^/]+){text}" for text in others[-1:]]
+    return re.compile(first + "".join(texts))
+
+
 RADIANS = {"deg": pi / 180, "rad": 1.0}
 """Units of a phase, in rad. Titles name them in ``column_titles``, ``clues`` and ``sensors``."""
 Seconds = Annotated[float, Rule(unit="s")]

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError, RsgenError, one_line
 from rsgen.common.finding import Finding
 from rsgen.data.surface.columns import COLUMN_UNITS
 from rsgen.data.surface.response_surface import SURFACE_FORMAT, SURFACE_SCHEMA, ResponseSurface
@@ -58,8 +58,8 @@ def load_surface(path: str | os.PathLike[str]) -> ResponseSurface:
     except MeasurementError:
         raise
     except (*_FAULTS, RsgenError) as fault:
-        reason = " ".join(str(fault).split())[:200]
-        raise MeasurementError(f"{path}: cannot be read as a response surface: {reason}") from fault
+        text = f"{path}: cannot be read as a response surface: {one_line(fault)[:200]}"
+        raise MeasurementError(text) from fault
 
 
 def _surface(path: str, arrays: dict[str, NDArray[Any]]) -> ResponseSurface:

@@ -25,7 +25,8 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path, suggest
 from rsgen.files.column_titles import join_units
 from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, open_text
-from rsgen.files.tree import MAX_CHANNELS, star_pattern
+from rsgen.files.signals import star_pattern
+from rsgen.files.tree import MAX_CHANNELS
 
 if TYPE_CHECKING:
     from rsgen.files.plan import Layout

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.errors import MeasurementError, quote, suggest
+from rsgen.files.signals import star_pattern
 
 if TYPE_CHECKING:
     from rsgen.files.plan import Layout
@@ -269,21 +270,6 @@ def natural_order(path: str) -> list[tuple[int, float | str]]:
         for part in _NUMBERS.split(path)
         if part
     ]
-
-
-def star_pattern(address: str) -> re.Pattern[str]:
-    """Compile an address: each * takes the shortest text of a sign or more that fits, between two /.
-
-    A * that has found its text keeps it, so that the time is linear in the number of stars.
-
-    Examples
-    --------
-    >>> star_pattern("run_*/ch*_*").fullmatch("run_1/ch2_3_4").groups()
-    ('1', '2', '3_4')
-    """
-    first, *others = map(re.escape, address.split("*"))
-    texts = [f"(?>([^/]+?){text})" for text in others[:-1]] + [f"([^/]+){text}" for text in others[-1:]]
-    return re.compile(first + "".join(texts))
 
 
 def _only_matrix(nodes: Sequence[Node], number: int) -> str:

@@ -76,6 +76,20 @@ def sensor_unit(name: str, target: str) -> str:
     return _SQUARE.sub(r"\1^2", _MIL.sub("thou", spelled))
 
 
+def sensor_size(name: str, target: str) -> float | None:
+    """Return the size of a unit of measured data in SI; None where it is of another dimension, or none.
+
+    Examples
+    --------
+    >>> sensor_size("g", "m/s^2"), sensor_size("mm", "N")
+    (9.80665, None)
+    """
+    try:
+        return quantity(f"1 {sensor_unit(name, target)}", target)
+    except RsgenError:
+        return None
+
+
 def sensor_factor(text: str, unit: str, target: str) -> float:
     """Return the factor from numbers in ``unit`` to SI that the sheet of a sensor or amplifier says.
 

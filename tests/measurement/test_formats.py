@@ -22,7 +22,7 @@ from rsgen.files import sandbox
 from rsgen.files.array_files import walk_wav
 from rsgen.files.data_files import recognise_format
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.histories import read_histories
+from rsgen.files.histories import read_motions
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.labview import walk_lvm
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
@@ -154,7 +154,7 @@ def test_a_tdms_file_in_kilonewton_and_g(tmp_path, run_cli):
                 ),
                 nptdms.ChannelObject("run", "words", ["a", "b"]),
             ])  # fmt: skip
-    (found,) = read_histories(history(path, "run/Force", "run/Acc [y/z]", {"rate_column": "run/rate"}))
+    ((found,),) = read_motions(history(path, "run/Force", "run/Acc [y/z]", {"rate_column": "run/rate"}))
     assert found.rate == pytest.approx(200, rel=ROUND_OFF)
     np.testing.assert_allclose(found.reference, DRIVE, rtol=ROUND_OFF, atol=1e-15)
     np.testing.assert_allclose(found.response, MOTION, rtol=ROUND_OFF, atol=1e-15)
@@ -188,7 +188,7 @@ def test_measurement_files_of_labview(tmp_path, columns, separator, decimal, enc
     abscissa = "Drive/X_Value" if columns == "Multi" else "X_Value"
     for number, count in ((1, 4000), (2, 1000)):
         rule = {"time": f"{number}/{abscissa}"}
-        (found,) = read_histories(history(path, f"{number}/Drive", f"{number}/Beschl. µ", rule))
+        ((found,),) = read_motions(history(path, f"{number}/Drive", f"{number}/Beschl. µ", rule))
         assert len(found) == count
         assert found.rate == pytest.approx(200, rel=1e-12)
         # 15 digits behind the point are written
@@ -260,11 +260,11 @@ def test_a_sound_file_needs_a_calibration(tmp_path):
     written = np.round(np.stack([DRIVE, MOTION], axis=1) / 4 * 2**31).astype("i4")
     wavfile.write(path, 200, written)
     with pytest.raises(MeasurementError, match=r"'channel_1' is not known: .*write unit, and as factor"):
-        read_histories(history(path, "channel_1", "channel_2", {"rate_column": "rate"}))
+        read_motions(history(path, "channel_1", "channel_2", {"rate_column": "rate"}))
     force = Channel(samples="channel_1", unit="N", factor=12.0)
     response = Channel(samples=2, unit="mm/s^2", factor=4e3)
     rule = HistoryRule("swept-sine", rate_column="rate")
-    (found,) = read_histories(MeasuredTest((path,), None, force, response, "acceleration", history=rule))
+    ((found,),) = read_motions(MeasuredTest((path,), None, force, response, "acceleration", history=rule))
     np.testing.assert_allclose(found.reference, 12 * (written[:, 0] / 2.0**31), rtol=ROUND_OFF)
     np.testing.assert_allclose(found.response, 4 * (written[:, 1] / 2.0**31), rtol=ROUND_OFF)
 

@@ -10,9 +10,10 @@ import scipy.io
 
 from rsgen import load_case, sentence
 from rsgen.common.errors import MeasurementError
+from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.histories import _record, read_histories
+from rsgen.files.histories import _record, read_motions
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.report.sentences import next_step
@@ -23,6 +24,11 @@ ROOT = Path(__file__).parents[2]
 FORMATS = ROOT / "cases" / "formats"
 # single precision in the files; the method itself is accurate to better than this
 SINGLE = 1e-3
+
+
+def read_histories(test: MeasuredTest) -> list[TimeHistory]:
+    """Read the histories of the response."""
+    return read_motions(test)[0]
 
 
 def swept(**keys: Any) -> HistoryRule:

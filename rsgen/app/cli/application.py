@@ -22,7 +22,7 @@ from typer.main import get_command
 
 import rsgen
 from rsgen.app.cli.terminal import FAULTY, INTERRUPTED, open_streams, output_fault, print_faults, print_line
-from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, program_fault
+from rsgen.common.errors import RsgenError, faults_of, keep_from_terminal, one_line, program_fault
 from rsgen.common.process import collect_seldom, leave_at_once, single_thread
 
 COMMANDS = {
@@ -198,11 +198,8 @@ def run_program(arguments: Sequence[str] | None) -> None:
         if code == INTERRUPTED:
             # the command line library has turned Ctrl-C into this code without a word
             raise KeyboardInterrupt
-    except CaseError as fault:
-        print_faults(fault.faults)
-        code = FAULTY
     except RsgenError as fault:
-        print_faults([" ".join(str(fault).split())])
+        print_faults(faults_of(fault, ""))
         code = FAULTY
     except KeyboardInterrupt:
         # a second Ctrl-C must not interrupt the clean-up; as it ends Python resets signals that have a
@@ -218,7 +215,7 @@ def run_program(arguments: Sequence[str] | None) -> None:
             print_faults([program_fault(fault, "rsgen")])
         else:
             where = getattr(getattr(fault, "ctx", None), "command_path", "rsgen")
-            print_faults([f"{where}: {' '.join(str(message()).split())} See: {where} --help"])
+            print_faults([f"{where}: {one_line(message())} See: {where} --help"])
         code = FAULTY
     # what a fault left unwritten would end in a complaint of Python's
     output_fault()

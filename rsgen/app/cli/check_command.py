@@ -18,7 +18,15 @@ from rsgen.app.cli.terminal import (
 )
 from rsgen.cases.case import Case, law_faults
 from rsgen.cases.loading import find_cases, load_case, name_clashes, read
-from rsgen.common.errors import CaseError, MeasurementError, RsgenError, listed, program_fault, shown_path
+from rsgen.common.errors import (
+    CaseError,
+    MeasurementError,
+    RsgenError,
+    faults_of,
+    listed,
+    one_line,
+    shown_path,
+)
 from rsgen.common.finding import Finding
 from rsgen.data.multisine.linear import implausible
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records
@@ -58,7 +66,7 @@ def point_faults(case: Case, table: ResponseSurface | MultisineSpectra) -> list[
         refuse_free_powers(case.model.force, case.model.fixed)
         faults = _faults_of(table, case)
     except RsgenError as fault:
-        faults = [" ".join(str(fault).split())]
+        faults = [one_line(fault)]
     return [f"{shown_path(case.path)}: {text}" for text in faults]
 
 
@@ -164,19 +172,14 @@ def check_command(cases: Cases, data: Data = None, json: Json = False) -> int:
         try:
             case = load_case(path, data)
             loaded.append(case)
-            odd = law_faults(case)
-            faults += odd
-            if not odd:
-                plans.append(_plan(case))
-        except CaseError as fault:
-            faults += fault.faults
+            if odd := law_faults(case):
+                raise CaseError(odd)
+            plans.append(_plan(case))
         except MeasurementError as fault:
             faults.append(f"{shown_path(path)}: test.file: {fault}")
-        except RsgenError as fault:
-            faults.append(f"{shown_path(path)}: test: {' '.join(str(fault).split())}")
         except Exception as fault:
             # a fault of the program must not hide those of other cases
-            faults.append(program_fault(fault, shown_path(path)))
+            faults += faults_of(fault, shown_path(path), "test: ")
     faults += name_clashes(loaded).values()
     if json:
         print_json({"cases": [plan for plan, _ in plans], "faults": faults})

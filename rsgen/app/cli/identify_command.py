@@ -6,10 +6,9 @@ from dataclasses import replace
 
 from rsgen.analysis.comparison import all_findings, compare, verdict_of
 from rsgen.app.cli import terminal
-from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
+from rsgen.app.cli.progress_bar import tested_case
 from rsgen.app.cli.terminal import Data, Json, OneCase
-from rsgen.app.study.run_case import identify_case, obtain_table
-from rsgen.cases.loading import load_case
+from rsgen.app.study.run_case import identify_case
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.identification.results.result import held_out_lines, mass_lines
 from rsgen.report.provenance import Subject
@@ -24,11 +23,7 @@ def identify_command(case: OneCase, data: Data = None, json: Json = False) -> in
     Example:
       rsgen identify cases/cubic.toml --json
     """
-    print_cache_fault()
-    loaded = load_case(case, data)
-    with stage_progress(loaded.path) as note:
-        note("surface", 0.0)
-        tested = obtain_table(loaded)
+    with tested_case(case, data) as (loaded, tested, note):
         identification = identify_case(loaded, tested, note)
         # as a run of the case would, with its truth
         truth = loaded.with_model(identification.model_given).truth

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
-from rsgen.app.cli.terminal import USABLE_RESULT, Data, Json, OneCase, number, print_json, print_line
-from rsgen.app.study.run_case import obtain_table
-from rsgen.cases.loading import load_case
+from rsgen.app.cli.progress_bar import tested_case
+from rsgen.app.cli.terminal import USABLE_RESULT, Data, Json, OneCase, print_json, print_line
+from rsgen.common.text_table import short
 from rsgen.identification.modal_table import modal_table
 from rsgen.report.page_tables import Modal, score_held_out
 from rsgen.report.result_json import modal_entry
@@ -22,12 +21,8 @@ def modal_command(case: OneCase, data: Data = None, json: Json = False) -> int:
     Example:
       rsgen modal cases/cubic.toml
     """
-    print_cache_fault()
-    loaded = load_case(case, data)
-    with stage_progress(loaded.path) as note:
-        note("surface", 0.0)
-        tested = obtain_table(loaded)
-    table = modal_table(tested, loaded.model)
+    with tested_case(case, data) as (loaded, tested, _):
+        table = modal_table(tested, loaded.model)
     modal = Modal(table, held_out=score_held_out(table, tested))
     if json:
         said = [sentence(finding) for finding in table.findings]
@@ -39,7 +34,7 @@ def modal_command(case: OneCase, data: Data = None, json: Json = False) -> int:
         print_line(str(finding))
     for item in modal.held_out:
         scored = len(item.frequency) - item.missing
-        error = f", error {number(100 * item.error, 2)} %" if scored else ": outside the table"
+        error = f", error {short(100 * item.error, 2)} %" if scored else ": outside the table"
         print_line(
             f"held out {item.name}, {item.sweep}: {scored} of {len(item.frequency)} points predicted{error}"
         )

@@ -6,12 +6,10 @@ from typing import Annotated
 
 import typer
 
-from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
+from rsgen.app.cli.progress_bar import tested_case
 from rsgen.app.cli.terminal import Data, Json, OneCase, print_block, print_json
-from rsgen.app.study.run_case import identify_case, obtain_table
-from rsgen.cases.loading import load_case
+from rsgen.app.study.run_case import identify_case
 from rsgen.identification.profile import profile
-from rsgen.report.result_json import finite_or_none
 
 
 def profile_command(
@@ -27,22 +25,21 @@ def profile_command(
       rsgen profile cases/formats/csv-table.toml kn
       rsgen profile cases/formats/csv-table.toml m --json
     """
-    print_cache_fault()
-    loaded = load_case(case, data)
-    with stage_progress(loaded.path) as note:
-        note("surface", 0.0)
-        tested = obtain_table(loaded)
+    with tested_case(case, data) as (loaded, tested, note):
         found = profile(identify_case(loaded, tested, note), name)
     if json:
-        columns = {
-            "interval": found.interval,
-            "wald": found.wald,
-            "followed": found.followed,
-            "values": found.values.tolist(),
-            "root": found.root.tolist(),
-        }
-        entry = {key: list(map(finite_or_none, column)) for key, column in columns.items()}
-        print_json({"case": loaded.name, "name": name, "unit": found.unit, **entry})
+        print_json(
+            {
+                "case": loaded.name,
+                "name": name,
+                "unit": found.unit,
+                "interval": found.interval,
+                "wald": found.wald,
+                "followed": found.followed,
+                "values": found.values.tolist(),
+                "root": found.root.tolist(),
+            }
+        )
         return 0
     print_block("", str(found))
     return 0

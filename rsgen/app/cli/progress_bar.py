@@ -12,8 +12,12 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 
 from rsgen.app.cli.terminal import plain, print_faults, print_line
-from rsgen.app.study.run_case import CaseRun, Step
+from rsgen.app.study.run_case import CaseRun, Step, obtain_table
+from rsgen.cases.case import Case
+from rsgen.cases.loading import load_case
 from rsgen.common.finding import next_lines, verdict_lines
+from rsgen.data.multisine.spectra import MultisineSpectra
+from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.kernel import cache_fault
 from rsgen.formula.units import count_text
 
@@ -99,6 +103,18 @@ def stage_progress(case: Path) -> Iterator[Callable[[str, float], None]]:
         return
     with Bars() as bars:
         yield lambda stage, share: bars.show(Step(case, stage, share))
+
+
+@contextmanager
+def tested_case(
+    path: Path, data: Path | None
+) -> Iterator[tuple[Case, ResponseSurface | MultisineSpectra, Callable[[str, float], None]]]:
+    """Load a case, and simulate or read its test; yield both and what further work calls."""
+    print_cache_fault()
+    case = load_case(path, data)
+    with stage_progress(case.path) as note:
+        note("surface", 0.0)
+        yield case, obtain_table(case), note
 
 
 _AS_TEXT = TextColumn("{task.description}", markup=False)

@@ -14,6 +14,7 @@ from rsgen.app.cli.progress_bar import print_cache_fault, stage_progress
 from rsgen.app.cli.terminal import Data, Json, OneCase
 from rsgen.app.study.run_case import obtain_table
 from rsgen.cases.loading import load_case
+from rsgen.common.text_table import short
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.ranking import Ranking, rank
@@ -90,6 +91,6 @@ def _values(ranking: Ranking, table: ResponseSurface | MultisineSpectra) -> str:
     """Values of the first law with their units."""
     units = units_of(ranking.model, table.on_mass(ranking.model.fixed.get("m", nan)).units)
     return ", ".join(
-        f"{name} = {terminal.number(value)} {units.get(name, '')}".rstrip()
+        f"{name} = {short(value, 6)} {units.get(name, '')}".rstrip()
         for name, value in ranking.candidates[0].values.items()
     )

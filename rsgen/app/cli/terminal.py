@@ -14,6 +14,7 @@ from typing import Annotated, Any, TextIO
 
 import typer
 
+from rsgen.common.errors import printable
 from rsgen.common.finding import USABLE, StatedVerdict, next_lines, verdict_lines
 
 # ----------------------------------------------------------------------------
@@ -118,13 +119,7 @@ def plain(text: str) -> str:
 
     Spaces of all widths, such as the thin one between thousands, are blanks.
     """
-    return "".join(_plain(sign) for sign in text)
-
-
-def _plain(sign: str) -> str:
-    if unicodedata.category(sign) == "Zs":
-        return " "
-    return sign if sign.isprintable() else ascii(sign)[1:-1]
+    return printable("".join(" " if unicodedata.category(sign) == "Zs" else sign for sign in text), None)
 
 
 def print_line(text: str = "", *, flush: bool = False) -> None:
@@ -180,14 +175,3 @@ def _finite(value: Any) -> Any:
 def print_json(value: Any) -> None:
     """Print a value as JSON; NaN and infinity, which JSON does not know, become null."""
     write_output(json.dumps(_finite(value), indent=2, allow_nan=False))
-
-
-def number(value: float | None, digits: int = 6) -> str:
-    """Write a number for a table; what is not known is a dash.
-
-    Examples
-    --------
-    >>> number(5920.0), number(float("nan"))
-    ('5920', '-')
-    """
-    return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"

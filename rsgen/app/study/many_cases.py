@@ -41,7 +41,7 @@ from rsgen.app.study.run_case import (
 )
 from rsgen.cases.case import Case
 from rsgen.cases.loading import find_cases, load_case, name_clashes
-from rsgen.common.errors import CaseError, RsgenError, keep_from_terminal, shown_path
+from rsgen.common.errors import RsgenError, faults_of, keep_from_terminal, one_line, shown_path
 from rsgen.common.process import ALGEBRA, collect_seldom
 
 # ----------------------------------------------------------------------------
@@ -215,10 +215,8 @@ def _sort(
             case = load_case(path, data and data.absolute())
             check_place(case, out)
             cases[path] = case
-        except CaseError as fault:
-            done[path] = CaseRun(path, path.stem, faults=fault.faults)
         except RsgenError as fault:
-            done[path] = CaseRun(path, path.stem, faults=(str(fault),))
+            done[path] = CaseRun(path, path.stem, faults=faults_of(fault, shown_path(path)))
     clashes = name_clashes(cases.values())
     todo: dict[Path, Case] = {}
     # laws with many parameters take longest; begun first, they do not keep one worker busy at the end
@@ -240,7 +238,7 @@ def _outcome(future: Future[CaseRun], case: Case) -> CaseRun:
         return future.result()
     if not isinstance(lost, Exception):
         raise lost
-    text = " ".join(f"{type(lost).__name__}: {lost}".split())[:300]
+    text = one_line(f"{type(lost).__name__}: {lost}")[:300]
     fault = (
         f"{shown_path(case.path)}: its worker was lost or could not be begun, and a second one too, perhaps "
         f"for want of memory; try it alone with --jobs 1 ({text})"

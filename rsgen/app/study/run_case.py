@@ -31,7 +31,7 @@ from rsgen.app.study.folder import (
 )
 from rsgen.cases.case import Case, law_faults
 from rsgen.cases.loading import load_case, read
-from rsgen.common.errors import CaseError, MeasurementError, RsgenError, program_fault, quote, shown_path
+from rsgen.common.errors import CaseError, MeasurementError, RsgenError, faults_of, quote, shown_path
 from rsgen.common.finding import StatedVerdict
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -340,14 +340,7 @@ def run_case(
         if earlier is not None:
             return earlier
         run = _execute(case, place, words, figures, stage_reporter(case, progress))
-        return replace(run, seconds=time.perf_counter() - started)
-    except CaseError as fault:
-        faults = fault.faults
-    except RsgenError as fault:
-        text = " ".join(str(fault).split())
-        label = shown_path(file)
-        faults = (text if text.startswith(label) else f"{label}: {text}",)
     except Exception as fault:
         # a fault of the program must not stop other cases either
-        faults = (program_fault(fault, shown_path(file)),)
-    return CaseRun(file, name, seconds=time.perf_counter() - started, faults=faults)
+        run = CaseRun(file, name, faults=faults_of(fault, shown_path(file)))
+    return replace(run, seconds=time.perf_counter() - started)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, frozen_array
-from rsgen.common.errors import MeasurementError, RsgenError, printable, require
+from rsgen.common.errors import MeasurementError, RsgenError, one_line, printable, require
 from rsgen.common.finding import Finding
 from rsgen.common.output import write_atomic
 from rsgen.common.text_table import Printed, TextTable, short
@@ -457,5 +457,5 @@ def load_spectra(path: str | os.PathLike[str]) -> MultisineSpectra:
     except MeasurementError as fault:
         raise MeasurementError(f"{path}: {fault}") from None
     except Exception as fault:  # an archive, and a header that is Python text: any fault of a parser may come
-        reason = printable(" ".join(str(fault).split()))[:160]
+        reason = printable(one_line(fault))[:160]
         raise MeasurementError(f"{path}: cannot be read as spectra of a multisine: {reason}") from None

@@ -6,11 +6,11 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from rsgen.common.errors import RsgenError, printable, quote
+from rsgen.common.errors import printable, quote
 from rsgen.data.record_set import QUANTITIES
 from rsgen.files.column_titles import is_angular, is_unit, split_title, unit_in
 from rsgen.files.tree import TEXT, Contents, Entry
-from rsgen.formula.units import quantity, sensor_unit
+from rsgen.formula.units import sensor_size
 
 TODO = "TODO: "
 """How a comment begins that asks for what no name or unit in the file says."""
@@ -128,11 +128,7 @@ def unit_for(unit: str, target: str) -> str | None:
     """Return a unit as a case spells it; None if its dimension is not that of the target."""
     name = unit.strip().replace("²", "^2").replace("µ", "u")
     name = "thou" if name in ("mil", "mils") else name
-    try:
-        quantity(f"1 {sensor_unit(name, target)}", target)
-    except RsgenError:
-        return None
-    return name
+    return None if sensor_size(name, target) is None else name
 
 
 # ----------------------------------------------------------------------------

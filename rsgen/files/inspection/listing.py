@@ -20,7 +20,8 @@ from rsgen.files.data_files import open_text, recognise_format
 from rsgen.files.inspection.clues import plain_unit
 from rsgen.files.plan import Layout, MeasuredTest
 from rsgen.files.sandbox import list_binary
-from rsgen.files.tree import MAX_CHANNELS, Contents, Entry, facts, star_pattern
+from rsgen.files.signals import star_pattern
+from rsgen.files.tree import MAX_CHANNELS, Contents, Entry, facts
 
 LAYOUT_LINES = 300
 """Lines of a text from which its layout is recognised."""

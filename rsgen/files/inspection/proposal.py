@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -23,7 +22,7 @@ from rsgen.files.inspection.sensors import (
     levels_in_columns,
     split_level,
 )
-from rsgen.files.plan import HERTZ, LABEL, SECONDS, Layout
+from rsgen.files.plan import HERTZ, LABEL, SECONDS, UNIT_IN_NAME, Layout
 from rsgen.files.tree import Contents, Entry, natural_order
 from rsgen.formula.units import UNKNOWN
 
@@ -63,6 +62,14 @@ class _Draft:
         """Take an array away from those without a place."""
         self.free = [other for other in self.free if other is not entry]
         return entry
+
+    def ask(self, place: str, text: str) -> None:
+        """Ask for an entry that no name or unit says."""
+        self.doubts[place] = f"{clues.TODO}{text}"
+
+    def columns(self, size: int) -> list[Entry]:
+        """Return the arrays without a place that have ``size`` numbers, or a side of that length."""
+        return [one for one in self.free if one.size > 1 and (one.size == size or size in one.shape)]
 
     def address(self, entry: Entry) -> int | str:
         """Return the address of an array in a case."""
@@ -151,12 +158,10 @@ def _propose_table(draft: _Draft, frequency: Entry) -> None:
         draft.doubts["test.frequency.unit"] = "its name says an angular frequency; Hz if it is none"
     draft.tables["test.frequency"] = {"column": draft.address(frequency)} | unit
     size = frequency.size
-    real = [entry for entry in draft.free if clues.is_real(entry)]
-    rows = [entry for entry in real if entry.size > 1 and _has_side(entry, size)]
-    level = draft.take(
-        clues.first([e for e in real if e.size < size], clues.LEVEL) or clues.first(rows, clues.NOMINAL)
-    )
-    rows = [entry for entry in draft.free if entry.size > 1 and _has_side(entry, size)]
+    small = [entry for entry in draft.free if clues.is_real(entry) and entry.size < size]
+    real = [entry for entry in draft.columns(size) if clues.is_real(entry)]
+    level = draft.take(clues.first(small, clues.LEVEL) or clues.first(real, clues.NOMINAL))
+    rows = draft.columns(size)
     higher = higher_harmonics(rows)
     if higher:
         more = "; a table is read at its fundamental, time histories bring harmonics in"
@@ -169,14 +174,11 @@ def _propose_table(draft: _Draft, frequency: Entry) -> None:
     _write_level(draft, level, driven, runs)
 
 
-def _has_side(entry: Entry, size: int) -> bool:
-    return entry.size == size or size in entry.shape
-
-
 def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: Runs) -> None:
     """Write [test.level], where levels do not follow from the measured forces, or runs are called by them."""
     table: dict[str, Any] = {}
-    in_newton = re.search(r"\{level\}[ _-]?[munk]?N(?![A-Za-z])", runs.form)
+    unit = UNIT_IN_NAME.match(runs.form.partition("{level}")[2])
+    in_newton = unit is not None and unit[1].endswith("N")
     if draft.levels:
         table = {"values": draft.levels}
     elif level is not None:
@@ -196,10 +198,10 @@ def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: Runs) -
             draft.doubts["test.level.values"] = f"by the titles of the entries{differ}"
             table = {"values": [amount for _, amount in said]}
         else:
-            draft.doubts["test.level.values"] = f"{clues.TODO}write the force amplitude of each"
+            draft.ask("test.level.values", "write the force amplitude of each")
             table = {"values": [f"{UNKNOWN} N"] * len(runs.names)}
     elif not driven:
-        draft.doubts["test.level.value"] = f"{clues.TODO}write the force amplitude of this file"
+        draft.ask("test.level.value", "write the force amplitude of this file")
         table = {"value": f"{UNKNOWN} N"}
     if not table:
         return
@@ -231,18 +233,13 @@ def _propose_history(draft: _Draft, time: Entry | None) -> None:
     draft.tables["test"] = {"excitation": excitation}
     if excitation == UNKNOWN:
         table = "" if time else "; a table has [test.frequency] in place of it, with a column such as a_*[1]"
-        draft.doubts["test.excitation"] = (
-            f"{clues.TODO}write {_CHOICES}{table}{clues.said_in(draft.contents)}"
-        )
+        draft.ask("test.excitation", f"write {_CHOICES}{table}{clues.said_in(draft.contents)}")
     draft.tables["test.time"] = _time(draft, draft.take(time))
     longest = max((max(entry.shape, default=1) for entry in draft.free), default=0)
     size = time.size if time else longest
-    rows = [
-        entry for entry in draft.free if clues.is_real(entry) and entry.size > 1 and _has_side(entry, size)
-    ]
     sensors = [
         Sensor(channel, (("samples", channel),))
-        for entry in rows
+        for entry in filter(clues.is_real, draft.columns(size))
         for channel in clues.channels_of(entry, draft.contents)
     ]
     _write_signals(draft, sensors, [], [])
@@ -259,7 +256,7 @@ def _time(draft: _Draft, time: Entry | None) -> dict[str, Any]:
         return {"rate_column": draft.address(rate)}
     step = clues.first(numbers, clues.INCREMENT)
     if step is None or not step.low:
-        draft.doubts["test.time.rate"] = f"{clues.TODO}not in the file: write the sampling rate"
+        draft.ask("test.time.rate", "not in the file: write the sampling rate")
         return {"rate": f"{UNKNOWN} Hz"}
     draft.doubts["test.time.rate"] = f"one over {step.path}"
     return {"rate": f"{1 / step.low:.10g} Hz"}
@@ -307,7 +304,7 @@ def _write_base(draft: _Draft, base: Sequence[Sensor]) -> None:
     draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
     if base[1:]:
         others = listed([clues.called(sensor.main) for sensor in base[1:]])
-        draft.doubts["test.base.quantity"] = f"{clues.TODO}or {others}: the driven direction"
+        draft.ask("test.base.quantity", f"or {others}: the driven direction")
 
 
 def _write_signals(
@@ -332,8 +329,9 @@ def _write_signals(
     history = "test.time" in draft.tables
     if not (history or responses or base) and force is not None and len(free) == 1:
         responses, free = free, []
-        draft.doubts["test.response.quantity"] = (
-            f"{clues.TODO}the only column left, {clues.called(responses[0].main)}; write what it is"
+        draft.ask(
+            "test.response.quantity",
+            f"the only column left, {clues.called(responses[0].main)}; write what it is",
         )
     responses.sort(key=lambda sensor: (not sensor.has_phase, sensor.places[0][0] == "amplitude"))
     if responses and not responses[0].has_phase:
@@ -366,28 +364,28 @@ def _ask_force(draft: _Draft, responses: Sequence[Sensor], free: Sequence[Sensor
         draft.tables["test.force"] = {"nominal": True}
         draft.doubts["test.force.nominal"] = "no force is named, so the level stands for it"
         if responses and clues.BASE(responses[0].main):
-            draft.doubts["test.force.nominal"] = (
-                f"{clues.TODO}no force, and the only motion is that of a base: write that of the mass into "
-                "the file, such as transmissibility times base"
+            draft.ask(
+                "test.force.nominal",
+                "no force, and the only motion is that of a base: write that of the mass into "
+                "the file, such as transmissibility times base",
             )
     elif draft.tables["test"]["excitation"] == UNKNOWN and responses and not free:
         draft.doubts["test.excitation"] += "; no column is left for a force, which all but a ring-down need"
     elif draft.tables["test"]["excitation"] != "ring-down":
         draft.tables["test.force"] = {"samples": UNKNOWN, "unit": "N"}
-        draft.doubts["test.force.samples"] = (
-            f"{clues.TODO}write the path of the force; a ring-down needs none"
-        )
+        draft.ask("test.force.samples", "write the path of the force; a ring-down needs none")
 
 
 def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
     names = listed([one.path if one.path.endswith("]") else clues.called(one) for one in columns])
-    draft.doubts["test.response.unit"] = f"{clues.TODO}write its unit"
-    draft.doubts[f"test.response.{key}"] = clues.TODO + (
+    draft.ask("test.response.unit", "write its unit")
+    draft.ask(
+        f"test.response.{key}",
         f"write which is the response, its quantity and unit: {names}"
         if names
-        else "no column is left for the response; where it is in another file, write `file` and its column"
+        else "no column is left for the response; where it is in another file, write `file` and its column",
     )
     if key == "amplitude":
         draft.tables["test.response"]["scale"] = "peak"
@@ -458,15 +456,13 @@ def _ask_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> dict[str,
     """
     example = '"22.5 mV/N" or "10 N/V"' if place == "test.force" else '"100 mV/g"'
     if not known and entry.unit in VOLTAGES:
-        draft.doubts[f"{place}.factor"] = (
-            f"{clues.TODO}write the sensitivity of the sensor, such as {example}"
-        )
+        draft.ask(f"{place}.factor", f"write the sensitivity of the sensor, such as {example}")
         return {"unit": entry.unit, "factor": UNKNOWN}
     if not known:
         said = f'the file says {entry.unit!r}; write unit and factor, as unit = "V", factor = {example}'
         none = f"{entry.unit_source or 'no unit stands with it'}; write the unit"
         none += clues.said_in(draft.contents, of_units=True)
-        draft.doubts[f"{place}.unit"] = clues.TODO + (said if entry.unit else none)
+        draft.ask(f"{place}.unit", said if entry.unit else none)
     elif entry.unit_source:
         draft.doubts[f"{place}.unit"] = entry.unit_source
     return {}
@@ -491,9 +487,7 @@ def _motion(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
     if not si and (clues.DECIBEL.search(entry.unit) or clues.DECIBEL.search(clues.last_name(entry))):
         # no factor makes a logarithm linear: a case that does not pass is better than a wrong one
         table["unit"] = entry.unit or "dB"
-        draft.doubts[f"{place}.unit"] = (
-            f"{clues.TODO}decibels are not read: write linear numbers into the file"
-        )
+        draft.ask(f"{place}.unit", "decibels are not read: write linear numbers into the file")
     said = ""
     if _is_quotient(entry):
         table["unit"] += "" if si.endswith("/N") or unit == UNKNOWN else "/N"

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from rsgen.common.errors import listed
 from rsgen.files.inspection import clues
 from rsgen.files.nominal_levels import level_form
-from rsgen.files.tree import Contents, Entry, natural_order, star_pattern
+from rsgen.files.signals import star_pattern
+from rsgen.files.tree import Contents, Entry, natural_order
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from rsgen.files.column_titles import split_title, unit_in
+from rsgen.files.column_titles import VOLTAGES, split_title, unit_in
 from rsgen.files.inspection.clues import TODO, is_phase, is_real, last_name, split_within
 from rsgen.files.tree import Entry, natural_order
 
@@ -214,8 +214,6 @@ _PARTS = [
 ]
 """How the names of a real and an imaginary part differ: "H_re" and "H_im", "ReH" and "ImH", a lock-in's "X"
 and "Y" at the end."""
-_VOLTS = ("", "V", "mV")
-"""Units of a lock-in amplifier; X and Y with another one are directions."""
 _LOCK_IN = f"{TODO}X and Y are taken for a lock-in amplifier, not for two directions"
 
 
@@ -224,7 +222,8 @@ def complex_parts(entries: Sequence[Entry]) -> Iterator[Sensor]:
     used: set[int] = set()
     for real, imaginary in _PARTS:
         lock_in = (real, imaginary) == _PARTS[-1]
-        left = [e for e in entries if id(e) not in used and not (lock_in and e.unit not in _VOLTS)]
+        # X and Y in another unit than a lock-in amplifier has are directions
+        left = [e for e in entries if id(e) not in used and not (lock_in and e.unit not in ("", *VOLTAGES))]
         # of equal names in their order; thousands of columns are gone through once
         partners: dict[tuple[int, str, str], list[Entry]] = defaultdict(list)
         for entry in reversed(left):
