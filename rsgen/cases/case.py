@@ -46,6 +46,11 @@ class SystemTable(Table):
         description="Mass [kg]. Simulated: the truth, identified and compared. Measured: known beforehand; "
         "leave it out to identify it.",
     )
+    mass_error: Quantity | None = Field(
+        default=None,
+        description="Standard error of a mass that was weighed [kg]: the mass is then identified, from that, "
+        "too. Measured cases only.",
+    )
 
 
 class ElementTable(Table):

@@ -331,6 +331,16 @@ class _Builder:
             self.fault("system.mass", 'is missing; a simulated case needs a mass such as "1.5 kg"')
         return None
 
+    def mass_error(self) -> float | None:
+        value = self.document.system.mass_error
+        if value is None:
+            return None
+        if self.simulated or self.document.system.mass is None:
+            why = "of a simulated case the mass is the truth" if self.simulated else "no mass is given"
+            self.fault("system.mass_error", f"{why}; leave the error out")
+            return None
+        return self.maker.number("system.mass_error", value, KNOWN_MASS)
+
     def across(self) -> str | None:
         """Between which channels elements act; one pair in a case, none in one that is simulated."""
         said = {table.across: number for number, table in reversed([*enumerate(self.tables, start=1)])}
@@ -399,7 +409,7 @@ class _Builder:
         elements = self.elements()
         complete = len(elements) == len(self.tables) > 0
         units = self.parameters(elements)
-        mass, across = self.mass(), self.across()
+        mass, mass_error, across = self.mass(), self.mass_error(), self.across()
         values = self.truth_given(elements, units, complete)
         printed = self.printed(units) if complete else {}
         accept = self.accept(elements, units) if complete else {}
@@ -425,7 +435,7 @@ class _Builder:
             raise CaseError(self.faults)
         try:
             # where a test determines no mass, that of the case is known beforehand, as in a laboratory
-            model = Model(elements, test.known_mass(mass), observation, fixed)
+            model = Model(elements, test.known_mass(mass), observation, fixed, mass_error)
         except RsgenError as fault:
             raise CaseError([f"identify.{one_line(fault)}"]) from None
         oscillator = Oscillator(cast("float", mass), elements, values) if self.simulated else None
@@ -541,8 +551,9 @@ def mark_open_entries(
         elif entry := _OPEN_ENTRY.match(line):
             found.append(f"{entry[1]} of {table} (line {number})")
     doubt = Finding("entries-not-confirmed", "doubt", names={"entries": listed(found)})
-    mass = case.model.mass
-    known = [] if mass is None else [Finding("mass-of-case", "info", "m", {"mass": Quantity(mass, "kg")})]
+    weighed = {"mass": case.model.mass, "error": case.model.mass_error}
+    numbers = {name: Quantity(value, "kg") for name, value in weighed.items() if value is not None}
+    known = [Finding("mass-of-case", "info", "m", numbers)] if numbers else []
     # a file of an earlier run has the doubt and the mass of that time
     others = [one for one in test.findings if one.code not in (doubt.code, "mass-of-case")]
     return replace(test, findings=(*others, *([doubt] if found else []), *known))

@@ -258,12 +258,15 @@ class Model(_Elements):
         How the structure was observed.
     fixed
         Values of parameters that are known beforehand, SI, by name; all others are to be identified.
+    mass_error
+        Standard error [kg] of a mass that was weighed: it is then identified, from one more equation.
 
     Raises
     ------
     RsgenError
         Mass not positive and finite, element names not unique, a mass given of a test that is not
-        calibrated, a fixed value that is no finite number or of a parameter that the law has not.
+        calibrated, a fixed value that is no finite number or of a parameter that the law has not, a standard
+        error that is not positive or of no mass.
 
     Examples
     --------
@@ -272,8 +275,10 @@ class Model(_Elements):
     """
 
     elements: tuple[Element, ...]
+    mass: float | None
     observation: Observation
     fixed: Mapping[str, float] = field(hash=False)
+    mass_error: float | None
 
     def __init__(
         self,
@@ -281,14 +286,23 @@ class Model(_Elements):
         mass: float | None = None,
         observation: Observation | None = None,
         fixed: Mapping[str, float] = MappingProxyType({}),
+        mass_error: float | None = None,
     ) -> None:
         observation = Observation() if observation is None else observation
         require(observation, Observation, "observation")
         object.__setattr__(self, "elements", _checked_elements(elements))
         object.__setattr__(self, "observation", observation)
-        object.__setattr__(self, "fixed", self._checked(fixed, mass))
+        known = self._checked(fixed, mass)
+        object.__setattr__(self, "mass", known.get("m"))
+        if mass_error is not None:
+            mass_error = require_number(mass_error, "mass_error", "kg")
+            none = "" if known.pop("m", 0.0) else f"{mass_error:g} kg, but no mass is given"
+            if fault := KNOWN_MASS.fault(mass_error) or none:
+                raise RsgenError(f"mass_error: {fault}; leave it out where the mass is exact, or not known")
+        object.__setattr__(self, "fixed", MappingProxyType(known))
+        object.__setattr__(self, "mass_error", mass_error)
 
-    def _checked(self, fixed: Mapping[str, float], mass: float | None) -> Mapping[str, float]:
+    def _checked(self, fixed: Mapping[str, float], mass: float | None) -> dict[str, float]:
         """Return the fixed values with the mass; raise an RsgenError for those that cannot be fixed."""
         require(fixed, Mapping, "fixed")
         numbers = {name: require_number(value, f"fixed.{name}", "SI") for name, value in fixed.items()}
@@ -312,24 +326,25 @@ class Model(_Elements):
                 raise RsgenError(f"{place}: {fault}; leave it out to identify it")
         if "m" in numbers and not self.observation.calibrated:
             raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
-        return MappingProxyType(numbers)
+        return numbers
 
     @property
-    def mass(self) -> float | None:
-        """m [kg] where it is known beforehand; None where it is to be identified."""
-        return self.fixed.get("m")
+    def weighed(self) -> tuple[float, float] | None:
+        """m and its standard error [kg] where both are given; None where it is exact, or not known."""
+        return None if self.mass is None or self.mass_error is None else (self.mass, self.mass_error)
 
     def __repr__(self) -> str:
         """Return Python code with law, fixed values and observation."""
         others = {name: value for name, value in self.fixed.items() if name != "m"}
-        parts = [self._law, *(f"mass={value:g}" for name, value in self.fixed.items() if name not in others)]
+        known = {"mass": self.mass, "mass_error": self.mass_error}
+        parts = [self._law, *(f"{name}={value:g}" for name, value in known.items() if value is not None)]
         parts += [f"fixed={others}"] if others else []
         parts += [] if self.observation == Observation() else [f"observation={self.observation!r}"]
         return f"Model({', '.join(parts)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fixed values as a plain dict, so that processes can exchange models."""
-        return Model, (self.elements, None, self.observation, dict(self.fixed))
+        return Model, (self.elements, self.mass, self.observation, dict(self.fixed), self.mass_error)
 
 
 _ALONG_ONE_MOTION = {
@@ -370,12 +385,15 @@ def join_model(
     observation: Observation | None = None,
     mass: float | None = None,
     fixed: Mapping[str, float] = MappingProxyType({}),
+    mass_error: float | None = None,
 ) -> Model:
     """Return a model of law, mass, observation and fixed values; arguments replace those of a model."""
     model = law if isinstance(law, Model) else Model(law)
     observation = model.observation if observation is None else observation
-    known = Model(model.elements, mass, observation, fixed).fixed
-    return Model(model.elements, None, observation, {**model.fixed, **known})
+    known = Model(model.elements, mass, observation, fixed, mass_error)
+    own = model if known.mass is None else known
+    others = {name: value for name, value in model.fixed.items() if name != "m"}
+    return Model(model.elements, own.mass, observation, {**others, **known.fixed}, own.mass_error)
 
 
 def force_units(model: Model, of: ForceUnits) -> ForceUnits:

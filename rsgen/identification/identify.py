@@ -260,6 +260,7 @@ def identify(
     *,
     mass: float | None = None,
     fixed: Mapping[str, float] = MappingProxyType({}),
+    mass_error: float | None = None,
 ) -> Identification:
     """Identify every parameter of a law, and the mass, but for those that are fixed.
 
@@ -278,6 +279,8 @@ def identify(
         unit mass.
     fixed
         Values [SI] of parameters that are known beforehand, by name. No kernel is compiled anew for them.
+    mass_error
+        Standard error [kg] of a given mass that was weighed: the mass is identified from that, too.
 
     Returns
     -------
@@ -290,7 +293,7 @@ def identify(
         A held-out level is not in the surface, fewer than four points can be used, or what is fixed is no
         parameter or must be positive.
     """
-    model = join_model(law, observation, mass, fixed)
+    model = join_model(law, observation, mass, fixed, mass_error)
     if isinstance(surface, MultisineSpectra):
         records = rsgen.identification.identify_multisine(*per_unit_mass(surface, model))
         return _with_held_out(records, predict_records, records)

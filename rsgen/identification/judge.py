@@ -295,10 +295,10 @@ class Findings:
         of_law, of_test, problem = self._of_law(), self._of_test(), self.fit.problem
         if any((f.code, f.severity) == ("harmonics-across-left-out", "doubt") for f in of_law):
             # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
-            fixed = problem.fixed
-            of_test = [f for f in of_test if f.code != "fixed-contradicted" or f.parameter not in fixed]
+            given = problem.given
+            of_test = [f for f in of_test if f.code != "fixed-contradicted" or f.parameter not in given]
         codes = ("fixed-contradicted", "mass-negative")
-        wrong = {f.parameter for f in of_test if f.code in codes and f.parameter in problem.fixed}
+        wrong = {f.parameter for f in of_test if f.code in codes and f.parameter in problem.given}
         for name in wrong:
             follow = consequences(self.fit, name)
             of_test = [finding for finding in of_test if finding.code not in follow]
@@ -497,7 +497,9 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             points=len(surface),
             levels=len(np.unique(points.level)),
             moves=moves_with_mass(refined),
-            known=surface.origin == "simulated" or any("N" in units[name] for name in model.fixed),
+            known=surface.origin == "simulated"
+            or model.weighed is not None
+            or any("N" in units[name] for name in model.fixed),
         ),
         solution=refined.values,
         background=background,

@@ -28,6 +28,7 @@ from rsgen.common.tolerances import (
     MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
+    NOISE_LIMIT_SIGMAS,
     RELATIVE_CHANGE_NEGLIGIBLE,
     STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
@@ -272,8 +273,10 @@ def _few_points(fit: Fit) -> Problem:
 
 
 def _freed(problem: Problem, start: Array, name: str) -> Fit:
-    """Fit with a fixed value free, from values that are near."""
+    """Fit with a given value free, from values that are near."""
     others = {other: value for other, value in problem.fixed.items() if other != name}
+    if name == "m":
+        problem = problem.unweighed
     # what no step could tell next to a wrong value may be told next to another one
     return fit_near(replace(problem, fixed=others, frozen=()), start, order=START_HARMONICS)
 
@@ -288,40 +291,40 @@ def consequences(fit: Fit, name: str) -> set[str]:
 
 
 def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Finding]:
-    """Find fixed values that the points contradict: another takes up the misfit, more than a term does.
+    """Find given values that the points contradict: another takes up the misfit, more than a term does, which
+    leaves ``left``, or is many standard errors of both from a mass that was weighed.
 
-    Parameters
-    ----------
-    surface, fit
-        What is judged. The kilogram of a force per mass is no value that was given.
-    left
-        The misfit that the best term would leave.
+    The kilogram of a force per mass is no value that was given.
     """
-    if not (fit.problem.fixed and fit.regression.rms_misfit > MISFIT_NEGLIGIBLE):
+    weighed = fit.problem.observed.points.weighed
+    if not (fit.problem.given and (weighed or fit.regression.rms_misfit > MISFIT_NEGLIGIBLE)):
         return []
     problem, names = _few_points(fit), (*fit.problem.law.parameters, "m")
     start, size = fit.regression.parameters, fit.regression.rms_misfit
     kept = fit_near(problem, start, order=START_HARMONICS).regression
     whole, found = kept.rms_misfit, []
-    for name, given in problem.fixed.items():
+    for name, given in problem.given.items():
         if name == "m" and surface.per_mass:
             continue
+        error = weighed[1] if weighed and name == "m" else 0.0
         free = _freed(problem, start, name).regression
         place, best = names.index(name), free.rms_misfit
         leaves = size * best / whole if whole > 0 else np.inf
         # with noise the gain counts in units of that noise
         gain = ((whole / best) ** 2 - 1) * free.freedom if best > 0 else np.inf
         moved = float(free.parameters[place]) - given
-        times = abs(moved) / float(np.sqrt(free.covariance[place, place]))
+        times = abs(moved) / float(np.hypot(np.sqrt(free.covariance[place, place]), error))
         far = abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given)
         # next to a wrong law, background or gain no other value leaves nothing but noise
         noise = not (fit.shared or is_systematic(free.residual, problem.observed.points.pairs(free.used)))
         far |= fit.systematic and noise
         # a small change may move the stiffness of each side by much
         moves = {} if far else largest_move(kept.parameters, free, names)
-        clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE
-        if clear and leaves <= left and (far or moves):
-            one = fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times)
+        clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE and leaves <= left
+        # a mass gives way to the points as far as its error lets it
+        clear |= error > 0 and times > NOISE_LIMIT_SIGMAS and not fit.systematic
+        if clear and (far or moves):
+            one = fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times, error=error)
             found.append(replace(one, names={**one.names, **moves}))
     return found
 

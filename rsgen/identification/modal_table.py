@@ -305,7 +305,7 @@ def _fit_values(modal: ModeProblem) -> Regression:
     descent = ErrorsInVariables(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     start = np.concatenate([modal.solve()[0], modal.seen.background])
-    rules = Rules(free=modal.free, record=mode.record)
+    rules = Rules(free=modal.free, record=mode.record, noise=0.0).knowing(modal.coefficients, mode.weighed)
     found = fit(descent.linearise, start, nuisance, rules, neighbours=mode.neighbours)
     if found.sigma > MISFIT_OF_NOISE:
         response = descent.predict(found.parameters, found.nuisance)
@@ -329,6 +329,7 @@ def modal_table(
     about: Observation | Model | None = None,
     *,
     mass: float | None = None,
+    mass_error: float | None = None,
 ) -> ModalTable:
     """Tabulate resonance frequency, damping ratio, k(X) and c(X) over the amplitude, without a law.
 
@@ -359,7 +360,7 @@ def modal_table(
     0.01581
     """
     require(surface, (ResponseSurface, MultisineSpectra), "surface")
-    model = _model_of(about, mass)
+    model = _model_of(about, mass, mass_error)
     if isinstance(surface, MultisineSpectra):
         return rsgen.identification.table_of_lines(*per_unit_mass(surface, model))
     rows = levels_tested(surface)
@@ -376,6 +377,9 @@ def modal_table(
         found = fit_splines(modal)
         if seen.first[0] > 0 and _mass_hidden(modal, found):
             modal, found = _with_first_mass(seen)
+        elif points.weighed is not None and not _mass_known(modal, found):
+            modal, found = _with_first_mass(replace(seen, first=(*points.weighed, 0.0)))
+            modal = replace(modal, mass_error=0.0)
         elif not _mass_known(modal, found):
             modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
     if means.lag_assumed:
@@ -384,11 +388,12 @@ def modal_table(
     return replace(table, findings=(*copied, *table.findings))
 
 
-def _model_of(about: Observation | Model | None, mass: float | None) -> Model:
+def _model_of(about: Observation | Model | None, mass: float | None, mass_error: float | None) -> Model:
     """Return mass and observation with the surrogate of any law."""
     require(about, (Observation, Model, type(None)), "about")
     model = about if isinstance(about, Model) else Model(ANY_LAW, observation=about)
-    return join_model(Model(ANY_LAW, model.mass, model.observation), mass=mass)
+    known = Model(ANY_LAW, model.mass, model.observation, mass_error=model.mass_error)
+    return join_model(known, mass=mass, mass_error=mass_error)
 
 
 def _mode_points(points: Points, model: Model, response_held: bool) -> ModePoints:

@@ -48,7 +48,7 @@ from rsgen.common.tolerances import (
     interval_sigmas,
 )
 from rsgen.identification.fitting.fit import Fit, refit_weighted
-from rsgen.identification.fitting.least_squares import Regression, Rules, descend
+from rsgen.identification.fitting.least_squares import Regression, descend
 from rsgen.identification.fitting.points import FORCE, OTHERS, per_unit_mass
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification
 from rsgen.identification.terms import fit_near
@@ -149,7 +149,7 @@ class _Likelihood:
         base = refit_weighted(self._near, problem, near.parameters, near.nuisance, order=self._order)
         self._problem, self.regression = problem, found.regression
         self._orders = sorted({1, *problem.observed.recorded} - {0})
-        self._begin(problem.law, base.parameters, base.nuisance, _cost(base.residual), base.sigma)
+        self._begin(problem.law, base.parameters, base.nuisance, base.cost, base.sigma)
         self._error = np.sqrt(np.diag(found.regression.covariance))
         self.resolved = self._noise < NOISE_RATIO_BY_CHANCE * found.regression.sigma
 
@@ -201,7 +201,7 @@ class _Likelihood:
         problem = replace(self._problem, fixed=fixed)
         begin, order = (start, nuisance), self._order
         found = refit_weighted(self._near, problem, *begin, order=order, gain=_END_TOLERANCE)
-        return found.parameters, found.nuisance, _cost(found.residual) if found.used.all() else inf
+        return found.parameters, found.nuisance, found.cost if found.used.all() else inf
 
     def distinguishes(self, place: int, target: float, factor: float) -> bool:
         """Return False where linear parameters make up for a factor on a nonlinear value.
@@ -328,8 +328,9 @@ class _LineLikelihood(_Likelihood):
             found = shorter if is_resolved(shorter, found) else found
         self._found = found
         place = found.parameters, found.nuisance
-        best, nuisance, line, _ = descend(found.linearise, *place, Rules(free=found.free))
-        self._begin(found.law, best, nuisance, _cost(line.residual), self.regression.sigma)
+        best, nuisance, line, _ = descend(found.linearise, *place, found.rules)
+        cost = found.rules.cost(line.residual, best)
+        self._begin(found.law, best, nuisance, cost, self.regression.sigma)
         self._error = np.sqrt(np.diag(self.regression.covariance))
         self.resolved = not found.lines.spectra.exact.all()
 
@@ -345,10 +346,9 @@ class _LineLikelihood(_Likelihood):
     def _refit(self, place: int, value: float, start: Array, nuisance: Array) -> tuple[Array, Array, float]:
         found, free = self._found, np.array(self._found.free)
         free[place] = False
-        parameters, nuisance, line, _ = descend(
-            found.linearise, start, nuisance, Rules(steps=NEAR_STEPS, gain=_END_TOLERANCE, free=free)
-        )
-        return parameters, nuisance, _cost(line.residual)
+        rules = replace(found.rules, steps=NEAR_STEPS, gain=_END_TOLERANCE, free=free)
+        parameters, nuisance, line, _ = descend(found.linearise, start, nuisance, rules)
+        return parameters, nuisance, rules.cost(line.residual, parameters)
 
 
 def is_resolved(fit: LineFit, steep: LineFit) -> bool:
@@ -368,10 +368,6 @@ def is_resolved(fit: LineFit, steep: LineFit) -> bool:
         if np.linalg.norm(moved) > MAX_SHIFT_TO_ERROR:
             return False
     return True
-
-
-def _cost(residual: Array) -> float:
-    return float(np.sum(residual**2))
 
 
 def _target(regression: Regression, place: int, estimate: Estimate) -> float:

@@ -112,10 +112,24 @@ def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TER
     none = np.zeros(len(parameters)), np.zeros((0, len(right)))
     used = problem.observed.points.select(fit.regression.used)
     record = used.record if len(residual) == len(used) else None
+    right, rows = with_weighing(right, rows, problem.observed.points.weighed, problem.count - 1, fit.mass)
     found = alternatives(
         right, rows[:, kept], rows[:, added], *none, Rules(free=problem.free[kept], record=record)
     )
     return dict(zip(terms, found, strict=True))
+
+
+def with_weighing(
+    right: Array, rows: Array, weighed: tuple[float, float] | None, place: int, mass: float
+) -> tuple[Array, Array]:
+    """Return equations (r,), (r, q) of unit variance, then that of a mass which was weighed, if it was.
+
+    ``weighed`` is that mass with its error, ``place`` the column of the mass, and ``mass`` the one found.
+    """
+    if weighed is None:
+        return right, rows
+    row = (np.arange(rows.shape[1]) == place) / weighed[1]
+    return np.append(right, (weighed[0] - mass) / weighed[1]), np.vstack([rows, row])
 
 
 MIRRORED = "mirrored"
@@ -272,8 +286,9 @@ def _fit_offset(fit: Fit, noise: float) -> Alternative | None:
     right, rows, columns = (part.reshape(residual.size, -1) / noise for part in (residual, matrix, column))
     free = np.flatnonzero(problem.free).tolist()
     count = len(parameters)
-    groups = {"mean": [*free, count]}
-    return joint_alternatives(right[:, 0], np.hstack([rows, columns]), free, groups, count + 1)["mean"]
+    groups, known = {"mean": [*free, count]}, (points.weighed, problem.count - 1, fit.mass)
+    equations = with_weighing(right[:, 0], np.hstack([rows, columns]), *known)
+    return joint_alternatives(*equations, free, groups, count + 1)["mean"]
 
 
 def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
@@ -288,10 +303,9 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
     seen, larger = problem.observed, problem.observed.background
     residual, matrix = linearise_extended(fit, problem, start)
     fitted = [name for name, kept in zip(larger.names, seen.fitted, strict=True) if kept]
-    rows = matrix.reshape(residual.size, len(start)) / noise
-    return larger_backgrounds(
-        residual.reshape(-1) / noise, rows, fit.problem.free[:count], own, larger, fitted
-    )
+    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(start)) / noise
+    right, rows = with_weighing(right, rows, seen.points.weighed, count - 1, fit.mass)
+    return larger_backgrounds(right, rows, fit.problem.free[:count], own, larger, fitted)
 
 
 def with_largest_background(fit: Fit) -> tuple[Problem, Array]:

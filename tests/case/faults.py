@@ -74,7 +74,7 @@ OF_SIMULATED: list[Changes] = [
     },
     {"truth.kn2": 1}, {"truth.c1": "3.8"}, {"test.level.count": 0, "titel": "x"},
     {"name": "a/b", "system.mass": 0, "truth.kn1": GONE}, {"title": "A", "titel": "B"},
-    {"element.2.forse": "x"}, {"test.level.step": 2},
+    {"element.2.forse": "x"}, {"test.level.step": 2}, {"system.mass_error": "1 g"},
     {"test.frequency": GONE, "test.frequncy": {"start": 7, "stop": 13, "count": 5}},
     *(
         {"element.2.force": "c1*v + z", "element.2.memory": memory, "truth.a": 1.0, "truth.b": 1.0}
@@ -119,7 +119,8 @@ OF_TABLE: list[Changes] = [
     },
     {"test.file": ["a.csv", "../b.csv"]}, {"test.sha256": "abc"}, {"test.sweep": {"directon": "up"}},
     {"test.time": {"rate": 400}}, {"truth": {"k1": 1}}, {"test.response.unit": "N"},
-    {"test.file": "http://127.0.0.1:9/x.csv"},
+    {"test.file": "http://127.0.0.1:9/x.csv"}, {"system.mass_error": "-1 g"},
+    {"system.mass_error": 0.1, "system.mass": GONE},
 ]  # fmt: skip
 OF_HISTORY: list[Changes] = [
     {"test.demodulation": {"band": [9, 8]}},

@@ -239,6 +239,13 @@ def test_a_test_that_was_read_has_the_mass_of_its_case(tmp_path):
     assert other.mass == 1.51
     assert "mass-of-case" not in {one.code for one in other.findings}
     assert rsgen.identify(rsgen.read(path), law).model.mass is None
+    weighed = text.replace('mass = "1.5 kg"', 'mass = "1.51 kg"\nmass_error = "10 g"')
+    (tmp_path / "case.toml").write_text(weighed, encoding="utf-8")
+    found = rsgen.identify(rsgen.read(tmp_path / "case.toml", table.parent), law)
+    assert (
+        found.model.weighed == load_case(tmp_path / "case.toml", table.parent).model.weighed == (1.51, 0.01)
+    )
+    assert found["m"].value != 1.51
 
 
 @functools.cache

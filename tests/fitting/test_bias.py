@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rsgen.identification.fitting.fit import fit_balance
-from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit, remove_bias
+from rsgen.identification.fitting.forward import remove_bias
+from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import Points, select_points
 from rsgen.law.numeric import compile_law

@@ -312,6 +312,55 @@ def test_a_mass_that_is_hardly_wrong_is_doubted_where_it_moves_a_value_by_much(m
     assert "standard errors; it moves k" in str(said)
 
 
+def test_a_mass_with_an_error_is_one_more_equation():
+    """A mass weighed to 1 % was exact: of a bilinear spring it moved k1 and k2 out of their intervals."""
+    asked = rsgen.identify(two_sides(), TWO_SIDES, mass=0.505, mass_error=0.005)
+    assert asked.verdict.state == "identified"
+    values = {"k1": 9800.0, "k2": 7000.0, "c1": 1.4, "c2": 9.0, "m": 0.5}
+    assert all(asked[name].interval[0] < true < asked[name].interval[1] for name, true in values.items())
+    assert asked["m"].standard_error < 0.005
+    assert mass_lines(asked)[0].startswith("m, given as 0.505 +- 0.005 kg, is with the test 0.499")
+    assert not asked.fixed
+    assert "moves" not in asked.outcome.numbers
+
+
+def test_a_mass_with_an_error_is_between_one_that_is_exact_and_one_that_is_not_known():
+    test, law = noisy(surface("cubic"), NOISE, 1), LAWS["cubic"][0]
+    for error, known in ((1e-6, 1.001 * MASS), (1e3, None)):
+        asked = rsgen.identify(test, law, mass=1.001 * MASS, mass_error=error)
+        for one in rsgen.identify(test, law, mass=known):
+            assert asked[one.name].value == pytest.approx(one.value, rel=1e-6)
+            assert asked[one.name].standard_error == pytest.approx(one.standard_error, rel=5e-3)
+    told = rsgen.identify(test, law)["m"]
+    found = rsgen.identify(test, law, mass=1.001 * MASS, mass_error=told.standard_error)
+    asked = found["m"]
+    assert rsgen.profile(found, "m").interval == pytest.approx(asked.interval, rel=1e-4)
+    assert asked.value == pytest.approx((told.value + 1.001 * MASS) / 2, abs=0.1 * told.standard_error)
+    assert asked.standard_error == pytest.approx(told.standard_error / 2**0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_a_mass_many_of_its_errors_off_is_contradicted(noise):
+    test = noisy(surface("cubic"), noise, 1) if noise else surface("cubic")
+    for off, said in ((2, []), (6, ["fixed-contradicted"])):
+        asked = rsgen.identify(test, LAWS["cubic"][0], mass=MASS + 0.01 * off, mass_error=0.01)
+        assert [one.code for one in asked.verdict.decided_by] == said
+        assert asked["m"].value == pytest.approx(MASS, rel=2e-3)
+    (found,) = asked.verdict.decided_by
+    assert found["fitted"] == pytest.approx(MASS, rel=2e-3)
+    assert "+- 10 g (" in str(found)
+
+
+@pytest.mark.parametrize(("given", "fault"), [
+    ({"mass": 1.5, "mass_error": 0.0}, "mass_error: is 0 kg; a number above 0 is needed"),
+    ({"mass": 1.5, "mass_error": -1.0}, "mass_error: is -1 kg"),
+    ({"mass_error": 0.1}, "mass_error: 0.1 kg, but no mass is given"),
+])  # fmt: skip
+def test_an_error_of_a_mass_that_cannot_be_is_refused(given, fault):
+    with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
+        rsgen.identify(surface("cubic"), LAWS["cubic"][0], **given)
+
+
 def test_a_mass_in_g_is_named_where_no_point_follows_the_law():
     model, none = Model(as_elements(TWO_SIDES), 0.5e-3), np.zeros(len(two_sides()), dtype=bool)
     with pytest.raises(rsgen.RsgenError, match=r"is m = 0\.0005 kg its mass \(the points show about 0\.5"):

@@ -43,6 +43,21 @@ def test_a_background_is_not_determined_at_resonance_alone(background):
         rsgen.identify(locked(), LAW, observation, mass=MASS)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_an_error_of_the_mass_is_that_of_the_stiffness_at_resonance_alone(noise):
+    given = {"mass": 1.01 * MASS, "mass_error": 0.01 * MASS}
+    found, table = (use(locked(noise=noise), *law, **given) for use, *law in (
+        (rsgen.identify, LAW), (rsgen.modal_table,)
+    ))  # fmt: skip
+    assert max(map(abs, distances(found, {**VALUES, "m": MASS}))) < 3
+    assert found["m"].standard_error == pytest.approx(0.01 * MASS, rel=1e-3)
+    assert found["k"].standard_error >= 0.0099 * VALUES["k"]
+    assert found["c"].standard_error < 0.005 * VALUES["c"]
+    assert (table.mass, table.mass_error) == pytest.approx((1.01 * MASS, 0.01 * MASS))
+    ranking = rsgen.rank(locked(noise=noise), [LAW, "k*x + c*v"], **given)
+    assert ranking.candidates[0].values["m"] == pytest.approx(1.01 * MASS, rel=2e-3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("lags", [(80, 90, 100), (70, 80, 90), (75, 85)])
 def test_slices_a_few_degrees_apart_determine_the_mass_and_every_value(lags):

@@ -61,6 +61,24 @@ def test_a_smooth_law_comes_back_to_round_off_and_a_given_mass_stays(mass):
     assert mass is None or found["m"].value == mass
 
 
+def test_a_mass_with_an_error_is_one_more_equation_of_the_lines():
+    test = spectra(duffing, SIZES, **NOISY)
+    told, exact = (rsgen.identify(test, LAW, mass=mass) for mass in (None, 1.001 * MASS))
+    loose, tight, half, off = (
+        rsgen.identify(test, LAW, mass=mass * MASS, mass_error=error * told["m"].standard_error)
+        for mass, error in ((1.0, 1e3), (1.001, 1e-4), (1.0, 1.0), (1.1, 1.0))
+    )
+    for asked, known in ((loose, told), (tight, exact)):
+        for one in known:
+            assert asked[one.name].value == pytest.approx(one.value, rel=1e-5)
+            assert asked[one.name].standard_error == pytest.approx(one.standard_error, rel=0.02)
+    assert half["m"].value == pytest.approx((told["m"].value + MASS) / 2, abs=0.2 * told["m"].standard_error)
+    assert half["m"].standard_error < 0.8 * told["m"].standard_error
+    assert "fixed-contradicted" not in codes(half)
+    (said,) = (finding for finding in off.findings if finding.code == "fixed-contradicted")
+    assert said["fitted"] == pytest.approx(MASS, rel=0.01)
+
+
 @pytest.mark.slow
 def test_nonlinear_parameters_are_searched():
     def arctan(x: Array, v: Array) -> Array:

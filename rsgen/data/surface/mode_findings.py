@@ -156,10 +156,18 @@ def nearest_factor(ratio: float, factors: Mapping[str, float]) -> dict[str, str]
 
 
 def fixed_contradicted(
-    name: str, given: float, moved: float, *, misfit: float, left: float, times: float
+    name: str,
+    given: float,
+    moved: float,
+    *,
+    misfit: float,
+    times: float,
+    left: float = nan,
+    error: float = 0.0,
 ) -> Finding:
-    """Doubt a fixed value that the test moves by so much, so many standard errors, to leave less misfit.
+    """Doubt a given value that the test moves by so much, so many standard errors, to leave less misfit.
 
+    One that was given with an ``error`` is compared with the value that the test alone shows.
     A mass that is negative then is no other mass, but a channel with the other sign.
     """
     if name == "m" and given + moved < 0:
@@ -167,7 +175,8 @@ def fixed_contradicted(
     unit, ratio = "kg" if name == "m" else "", 1 + moved / given if given else 0.0
     names = nearest_factor(ratio, COMMON_FACTORS | (_FACTORS_OF_MASS if name == "m" else {}))
     numbers = {"given": Quantity(given, unit), "fitted": Quantity(given + moved, unit)}
-    numbers |= quantities(misfit=misfit, left=left, moved=moved / abs(given or moved), times=times)
+    numbers |= quantities(misfit=misfit, moved=moved / abs(given or moved), times=times)
+    numbers |= {"error": Quantity(error, unit)} if error else quantities(left=left)
     if name == "m" and not 1 / _MASS_MISREAD < ratio < _MASS_MISREAD:
         numbers |= quantities(factor=1 / ratio)
     return Finding("fixed-contradicted", "doubt", name, numbers, names)

@@ -388,7 +388,8 @@ def _shows_samples(found: Regression, forward: HarmonicBalance | MeasuredAcross,
 
 def _rules(problem: Problem, mode: Points, **control: Any) -> Rules:
     """Return the rules of a descent for what a problem knows of its parameters and points."""
-    return Rules(frozen=problem.frozen, free=problem.free, record=mode.record, **control)
+    rules = Rules(frozen=problem.frozen, free=problem.free, record=mode.record, **{"noise": 0.0} | control)
+    return rules.knowing(problem.count - 1, problem.observed.points.weighed)
 
 
 def linearise_extended(
@@ -449,7 +450,7 @@ def refit_weighted(
     mode = problem.observed.mode(problem.split(parameters)[2])
     descent = ErrorsInVariables(problem, _forward(problem, parameters, mode, order))
     descent.scale = near.scale
-    rules = _rules(problem, mode, steps=NEAR_STEPS, gain=gain)
+    rules = _rules(problem, mode, steps=NEAR_STEPS, gain=gain, noise=near.regression.rules.noise)
     return fit(descent.linearise, parameters, nuisance, rules, exclude=False)
 
 

@@ -10,7 +10,8 @@ measured points.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -32,7 +33,12 @@ from rsgen.dynamics.harmonic_balance import ACCEPTED_STEP, Response, following_h
 from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
-from rsgen.identification.fitting.least_squares import Linearisation, Regression, remove_bias
+from rsgen.identification.fitting.least_squares import (
+    Linearisation,
+    Regression,
+    orthonormal,
+    subtract_along,
+)
 from rsgen.identification.fitting.observed import Comparison, Observed
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion
@@ -345,6 +351,47 @@ class Parametrised(Protocol):
     def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
         """Return the measured ones of the ``predicted`` harmonics, without the fundamental."""
         ...
+
+
+Bend = Callable[[Array], tuple[Array, Array]]
+"""Function of directions (n, k) of the nuisances: second derivatives (n, M) of the prediction along them, and
+the change (n, M, q) of its slopes by the parameters."""
+
+
+def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regression:
+    """Correct the parameters for the bias by the square of the noise.
+
+    An error e of the nuisances changes the prediction by e.H.e/2 to second order, on average by trace(H C)/2
+    with C = L L^T their covariance: second derivatives along the columns of L. The change of the slopes by
+    the parameters adds noise to the information (attenuation; Fuller, Measurement Error Models, 1987, chapter
+    2).
+    """
+    # the last nuisance first: only one column of L = R^-1 then needs a new prediction for it
+    units, triangle = orthonormal(line.by_nuisance[:, :, ::-1])
+    regular = found.used & np.all(np.diagonal(triangle, axis1=1, axis2=2) > 0, axis=1)
+    factor = np.zeros_like(triangle)
+    factor[regular] = np.linalg.inv(triangle[regular])[:, ::-1] * found.sigma
+    shift, share = np.zeros(line.residual.shape), np.zeros((found.basis.shape[1],) * 2)
+    for column in np.moveaxis(factor, 2, 0):
+        second, slopes = bend(column)
+        shift += 0.5 * second
+        subtract_along(units, slopes := np.nan_to_num(slopes))
+        moved = slopes[regular] @ found.basis
+        share += np.tensordot(moved, moved, ([0, 1], [0, 1]))
+    regular &= np.isfinite(shift).all(axis=1)
+    residual, matrix = shift, np.array(line.by_parameter)
+    subtract_along(units, residual[:, :, None])
+    subtract_along(units, matrix)
+    # what is known of the parameters beforehand has no such bias
+    rules = replace(found.rules, known=found.parameters, natural=0.0)
+    equations = rules.equations(residual, matrix, found.parameters, regular)
+    change, _, _ = rules.solve(*equations, found.parameters)
+    # residual at the corrected parameters
+    moved = found.residual - np.nan_to_num(matrix) @ change
+    moved[regular] += residual[regular]
+    moved[~found.used] = 0.0
+    largest = float(np.linalg.eigvalsh(share)[-1]) if len(share) else 0.0
+    return replace(found, parameters=found.parameters + change, residual=moved, noise_share=largest)
 
 
 class ErrorsInVariables:

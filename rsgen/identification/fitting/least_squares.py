@@ -8,7 +8,8 @@ nuisances e_i of each point (its true amplitude, its phase, and those of a secon
 A Gauss-Newton step eliminates de_i by projecting r_i and J_i on the complement of K_i (variable projection:
 Golub and Pereyra, Inverse Problems 19, 2003), so that the linear problem keeps the size of p. It is solved by
 an orthogonal decomposition, not by normal equations, whose condition number is the square; columns are
-scaled, because parameters differ by many orders of magnitude. The O(noise^2) bias is that of Fuller (1987).
+scaled, because parameters differ by many orders of magnitude. A parameter p that is known as p0 +- s, such as
+a mass that was weighed, is one more equation (p - p0)/s, in units of the noise that the other rows leave.
 """
 
 from __future__ import annotations
@@ -116,6 +117,8 @@ class Regression:
         (n, M, r) orthonormal slopes by these directions, (n, M) residuals; zero for points not used.
     free
         (q,) False for fixed parameters, which have no errors.
+    rules
+        Of the descent, the prior in units of the noise that it left.
     noise_share
         Largest share of noise of the nuisances in the information on a direction; below one.
     """
@@ -137,12 +140,18 @@ class Regression:
     residual: Array
     free: Mask
     error_freedom: Array
+    rules: Rules
     noise_share: float = 0.0
 
     @property
     def rms_misfit(self) -> float:
         """Misfit of real and imaginary part together: the ``residual`` of an identification."""
         return self.sigma * 2**0.5
+
+    @property
+    def cost(self) -> float:
+        """Sum of squares of residuals and prior."""
+        return self.rules.cost(self.residual, self.parameters)
 
     def widened(self, covariance: Array, freedom: Array | float = np.inf) -> Regression:
         """Return the fit with larger errors.
@@ -182,8 +191,10 @@ class Rules:
         (q,) False for fixed parameters, which keep their values and are no unknowns.
     linear
         Parameters in which the residual is linear: solved for at every trial of the others.
-    prior
-        (q,) inverse standard errors with which the parameters are known to be zero.
+    prior, known
+        (q,) inverse standard errors with which parameters are known, zero for others; and their values.
+    noise
+        Of an equation, in the units of the residual: those of the prior. 0: what the residual leaves.
     bounded_step
         Function of parameters and a step that returns the next parameters: the only place of bounds. Rankings
         alone set it (``candidate_fit``); elsewhere parameters have none.
@@ -200,8 +211,18 @@ class Rules:
     free: Mask | bool = True
     linear: Sequence[int] = ()
     prior: Array | None = None
+    known: Array | float = 0.0
+    noise: float = 1.0
     bounded_step: Callable[[Array, Array], Array] = np.add
     record: NDArray[np.intp] | None = None
+
+    def knowing(self, place: int, known: tuple[float, float] | None) -> Rules:
+        """Return the rules with the value and the standard error of a parameter, if they are known."""
+        if known is None:
+            return self
+        here = np.arange(np.size(self.free)) == place
+        prior = np.where(here, 1 / known[1], 0.0 if self.prior is None else self.prior)
+        return replace(self, prior=prior, known=np.where(here, known[0], self.known))
 
     def solve(self, flat: Array, right: Array, parameters: Array) -> tuple[Array, Array, Array]:
         """Solve for the change of the parameters; see ``solve_scaled``."""
@@ -210,17 +231,30 @@ class Rules:
 
     def cost(self, residual: Array, parameters: Array) -> float:
         """Return the sum of squares of residuals and prior."""
-        known = 0.0 if self.prior is None else float(np.sum((self.prior * parameters) ** 2))
-        return float(np.sum(residual**2)) + known
+        return float(np.sum(residual**2) + np.sum(self.prior_rows(parameters)[1] ** 2))
 
     def equations(self, residual: Array, matrix: Array, parameters: Array, used: Mask) -> tuple[Array, Array]:
         """Return rows (r, q) and right sides (r,) of a step: points used, then the prior."""
         flat, right = _stacked(matrix, residual, used)
         if self.prior is None:
             return flat, right
-        known = self.prior > 0
-        rows = np.diag(self.prior)[known]
-        return np.concatenate([flat, rows]), np.concatenate([right, (-self.prior * parameters)[known]])
+        rows, known = self.prior_rows(parameters)
+        return np.concatenate([flat, rows]), np.concatenate([right, known])
+
+    def prior_rows(self, parameters: Array) -> tuple[Array, Array]:
+        """Return the equations (k, q) of the k parameters that are known, and their right sides (k,)."""
+        weight = np.zeros(len(parameters)) if self.prior is None else self.noise * self.prior
+        rows = weight > 0
+        return np.diag(weight)[rows], (weight * (self.known - parameters))[rows]
+
+    def at(self, line: Linearisation, used: Mask) -> Rules:
+        """Return the rules with the noise that the points used have at a place, if it is not known."""
+        if self.prior is None or self.noise:
+            return self
+        residual = line.residual[used & line.predicted]
+        count = residual.shape[0] * (residual.shape[1] - line.by_nuisance.shape[2])
+        freedom = max(count - int(np.count_nonzero(self.free)), 1)
+        return replace(self, noise=max(float(np.sqrt(np.sum(residual**2) / freedom)), MISFIT_OF_NOISE))
 
 
 _USUAL = Rules()
@@ -260,13 +294,15 @@ def fit(
     for _ in range(4 if exclude else 1):
         parameters, nuisance, line, converged = descend(linearise, parameters, nuisance, rules, used)
         good, before = used & line.predicted, used
-        used = _agreeing((parameters, nuisance, line), rules, good, neighbours) if exclude else good
+        place = parameters, nuisance, line
+        used = _agreeing(place, rules.at(line, good), good, neighbours) if exclude else good
         if np.array_equal(used, before):
             break
     if exclude and not used.all():
         # points that agree at the solution may have been outliers on the way from a far start
         whole = descend(linearise, parameters, np.where(used[:, None], nuisance, measured), rules)
-        if _agreeing(whole[:3], rules, every := np.ones_like(used), None).all():
+        every = np.ones_like(used)
+        if _agreeing(whole[:3], rules.at(whole[2], every), every, None).all():
             (parameters, nuisance, line, converged), used = whole, every
     return summarise(line, parameters, nuisance, rules, used, converged=converged)
 
@@ -275,13 +311,13 @@ def eliminate(line: Linearisation) -> tuple[Array, Array]:
     """Project residual and derivatives on the complement of the nuisances of each point."""
     residual, matrix = np.array(line.residual), np.array(line.by_parameter)
     for part in blocks(len(residual), POINTS_PER_BLOCK):
-        units, _ = _orthonormal(line.by_nuisance[part])
-        _remove(units, residual[part, :, None])
-        _remove(units, matrix[part])
+        units, _ = orthonormal(line.by_nuisance[part])
+        subtract_along(units, residual[part, :, None])
+        subtract_along(units, matrix[part])
     return residual, matrix
 
 
-def _remove(units: Sequence[Array], columns: Array) -> None:
+def subtract_along(units: Sequence[Array], columns: Array) -> None:
     """Subtract from columns (n, M, q), in place, their parts along orthonormal vectors (n, M)."""
     for unit in units:
         columns -= unit[:, :, None] * np.einsum("nm,nmq->nq", unit, columns)[:, None, :]
@@ -292,7 +328,7 @@ def _along(unit: Array, rows: Array) -> Array:
     return np.asarray(np.einsum("nm,nm->n", unit, rows))
 
 
-def _orthonormal(matrix: Array) -> tuple[list[Array], Array]:
+def orthonormal(matrix: Array) -> tuple[list[Array], Array]:
     """Return k orthonormal columns (n, M) of n matrices (n, M, k), and their triangles (n, k, k).
 
     Modified Gram-Schmidt (Golub and Van Loan, Matrix Computations, 2013, Sec. 5.2.8); zeros stay zero.
@@ -336,11 +372,12 @@ def descend(
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     parameters, line = _solve_linear(linearise(parameters, nuisance), parameters, rules, used)
-    place = parameters, nuisance, line
+    place, given = (parameters, nuisance, line), rules
     for _ in range(rules.steps):
         good = used & place[2].predicted
         if not good.any():
             break
+        rules = given.at(place[2], good)
         step = _Step.of(place, rules, good)
         if step.gain < rules.gain:
             return *place, True
@@ -461,7 +498,7 @@ def _solve_linear(
 
 def _least_squares(matrix: Array, right: Array) -> Array:
     """Return the solutions (n, k) of n least-squares problems (n, M, k); zero for a column of zeros."""
-    units, triangle = _orthonormal(matrix)
+    units, triangle = orthonormal(matrix)
     solution = np.zeros((len(matrix), len(units)))
     for j in reversed(range(len(units))):
         rest = _along(units[j], right) - _along(triangle[:, j, j + 1 :], solution[:, j + 1 :])
@@ -517,12 +554,16 @@ def summarise(
     residual, matrix = eliminate(line)
     free = np.array(np.broadcast_to(rules.free, len(parameters)))
     count, points = int(np.count_nonzero(free)), int(np.count_nonzero(used))
+    rules = rules.at(line, used)
     stacked, right = rules.equations(residual, matrix, parameters, used)
     _, inverse, null = rules.solve(stacked, right, parameters)
     norm = np.sqrt(np.einsum("rq,rq->q", stacked, stacked))
     freedom = max(len(right) - points * nuisance.shape[1] - (count - null.shape[1]), 1)
     variance = float(right @ right) / freedom
-    fisher = inverse @ inverse.T * variance
+    # what is known beforehand has its own noise, whatever the points leave
+    known = rules.prior_rows(parameters)[0] @ inverse
+    prior = rules.noise**2 * (known.T @ known)
+    fisher = (inverse - inverse @ known.T @ known) @ inverse.T * variance + inverse @ prior @ inverse.T
     distance = np.sum(residual**2, axis=1)
     matrix[~used], residual[~used] = 0.0, 0.0
     flat = matrix.reshape(residual.size, len(parameters))
@@ -533,6 +574,7 @@ def summarise(
         products, least = scores.T @ scores * (max(points, 1) / max(points - count, 1)), 1.0
     else:
         products, least = summed_products(rows, residual, rules.record), 0.0
+    products = products + prior
     spread, seen = (np.sqrt(np.maximum(np.diag(c), 0.0)) for c in (fisher, inverse @ products @ inverse.T))
     widen = np.maximum(seen / np.where(spread > 0, spread, 1.0), least)
     slopes, _ = _stacked(line.by_parameter, line.residual, used)
@@ -554,42 +596,5 @@ def summarise(
         residual=residual,
         free=free,
         error_freedom=np.full(len(parameters), float(freedom)),
+        rules=rules,
     )
-
-
-Bend = Callable[[Array], tuple[Array, Array]]
-"""Function of directions (n, k) of the nuisances: second derivatives (n, M) of the prediction along them, and
-the change (n, M, q) of its slopes by the parameters."""
-
-
-def remove_bias(found: Regression, line: Linearisation, bend: Bend) -> Regression:
-    """Correct the parameters for the bias by the square of the noise.
-
-    An error e of the nuisances changes the prediction by e.H.e/2 to second order, on average by trace(H C)/2
-    with C = L L^T their covariance: second derivatives along the columns of L. The change of the slopes by
-    the parameters adds noise to the information (attenuation; Fuller, Measurement Error Models, 1987, chapter
-    2).
-    """
-    # the last nuisance first: only one column of L = R^-1 then needs a new prediction for it
-    units, triangle = _orthonormal(line.by_nuisance[:, :, ::-1])
-    regular = found.used & np.all(np.diagonal(triangle, axis1=1, axis2=2) > 0, axis=1)
-    factor = np.zeros_like(triangle)
-    factor[regular] = np.linalg.inv(triangle[regular])[:, ::-1] * found.sigma
-    shift, share = np.zeros(line.residual.shape), np.zeros((found.basis.shape[1],) * 2)
-    for column in np.moveaxis(factor, 2, 0):
-        second, slopes = bend(column)
-        shift += 0.5 * second
-        _remove(units, slopes := np.nan_to_num(slopes))
-        moved = slopes[regular] @ found.basis
-        share += np.tensordot(moved, moved, ([0, 1], [0, 1]))
-    regular &= np.isfinite(shift).all(axis=1)
-    residual, matrix = shift, np.array(line.by_parameter)
-    _remove(units, residual[:, :, None])
-    _remove(units, matrix)
-    change, _, _ = Rules(free=found.free).solve(*_stacked(matrix, residual, regular), found.parameters)
-    # residual at the corrected parameters
-    moved = found.residual - np.nan_to_num(matrix) @ change
-    moved[regular] += residual[regular]
-    moved[~found.used] = 0.0
-    largest = float(np.linalg.eigvalsh(share)[-1]) if len(share) else 0.0
-    return replace(found, parameters=found.parameters + change, residual=moved, noise_share=largest)

@@ -359,6 +359,17 @@ class Problem:
         return len(self.law.parameters) + 1
 
     @property
+    def given(self) -> dict[str, float]:
+        """Values of parameters that are known, exactly or, as a mass that was weighed, with an error."""
+        return self.observed.points.given(self.fixed)
+
+    @property
+    def unweighed(self) -> Problem:
+        """The problem of the points alone, without the weighing of a mass."""
+        points = replace(self.observed.points, weighed=None)
+        return replace(self, observed=replace(self.observed, points=points))
+
+    @property
     def free(self) -> NDArray[np.bool_]:
         """Mask (q,), False for fixed parameters."""
         of_law = [name not in self.fixed for name in (*self.law.parameters, "m")]

@@ -7,6 +7,7 @@ the mass.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import nan
 from typing import TypeVar
@@ -74,6 +75,8 @@ class Points:
         False if the phase between force and response was not recorded.
     overlapping
         True if the points are of windows over a record that overlap.
+    weighed
+        Mass and its standard error [kg], where it was weighed; None where it was not.
     """
 
     index: NDArray[np.intp]
@@ -89,9 +92,14 @@ class Points:
     load: NDArray[np.complex128] | None = None
     phase_known: bool = True
     overlapping: bool = False
+    weighed: tuple[float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.omega)
+
+    def given(self, fixed: Mapping[str, float]) -> dict[str, float]:
+        """Return fixed values with that of a mass which was weighed, where starts begin."""
+        return {**({} if self.weighed is None else {"m": self.weighed[0]}), **fixed}
 
     @property
     def motion(self) -> Motion:
@@ -248,11 +256,17 @@ def per_unit_mass(surface: Test, model: Model) -> tuple[Test, Model]:
     was read with a mass, of its case or for the forces of free decays, has this one if the model has none.
     """
     read_with = [f for f in surface.findings if f.code in ("force-of-decay", "mass-of-case")]
-    given = [f["mass"] for f in read_with if "mass" in f.numbers]
-    if given and "m" not in model.fixed:
-        model = join_model(model, mass=given[0])
+    given = [f.numbers for f in read_with if "mass" in f.numbers]
+    if given and model.mass is None:
+        mass, *error = (float(given[0][name].value) for name in ("mass", "error") if name in given[0])
+        model = join_model(model, mass=mass, mass_error=next(iter(error), None))
     elif given:
         surface = replace(surface, findings=tuple(f for f in surface.findings if f.code != "mass-of-case"))
+    if model.mass_error and (surface.per_mass or any(f.code == "force-of-decay" for f in read_with)):
+        raise RsgenError(
+            f"mass_error: {model.mass_error:g} kg, but its forces are that mass times a motion, and "
+            "linear values scale with it; leave it out, and add its relative error to theirs"
+        )
     surface = surface.on_mass(model.fixed.get("m", nan))
     return surface, join_model(model, mass=1.0) if surface.per_mass else model
 
@@ -356,6 +370,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         _load_of(surface, index),
         surface.phase_known,
         surface.overlapping,
+        model.weighed,
     )
 
 
@@ -427,7 +442,7 @@ def at_resonance_alone(points: Points, noise: float = 2 * ASSUMED_RELATIVE_NOISE
 
 def mass_needs(points: Points, model: Model) -> str:
     """Return the kind of points that an unknown mass needs, in words; "" if there are some."""
-    if "m" in model.fixed:
+    if "m" in model.fixed or model.weighed:
         return ""
     if np.ptp(points.omega) == 0:
         return "tests at more than one frequency"
@@ -451,7 +466,7 @@ def refuse_resonance_alone(points: Points, model: Model, *, remembers: bool) -> 
             f"background: {model.observation.background!r}; all points lie at phase resonance, where mode "
             'and background cannot be separated; leave it out, take "phase", or add points off resonance'
         )
-    if not (model.fixed or model.sensors or remembers) and at_resonance_alone(points):
+    if not (model.fixed or model.weighed or model.sensors or remembers) and at_resonance_alone(points):
         raise RsgenError(
             "the test does not determine the mass, for all points lie at phase resonance; give it, or points "
             "off phase resonance (the modal table has k/m and c without)"

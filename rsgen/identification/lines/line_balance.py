@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import HARMONIC_TRUNCATION, MAX_NEWTON_STEPS, MAX_TRIAL_STEPS, ROUND_OFF
 from rsgen.data.multisine.spectra import MultisineSpectra, scatter, smooth
-from rsgen.data.oscillator import Observation
+from rsgen.data.oscillator import Model
 from rsgen.dynamics.linear_part import BackgroundTerms, background_of_lines
 from rsgen.dynamics.periodic_response import OVERSAMPLED
 from rsgen.law.motion import Motion, harmonics_of, waveform
@@ -86,6 +86,8 @@ class SpectralLines:
     far
         (r, p, H+1) the motion across two sensors less the share of the response in it [m]; None where all
         elements follow the response.
+    weighed
+        Mass and its standard error [kg], where it was weighed; None where it was not.
     """
 
     spectra: MultisineSpectra
@@ -97,6 +99,7 @@ class SpectralLines:
     background: BackgroundTerms
     subtracted: Array
     far: ComplexArray | None = None
+    weighed: tuple[float, float] | None = None
 
     def __len__(self) -> int:
         return len(self.spectra)
@@ -149,14 +152,14 @@ class SpectralLines:
 
 
 def select_lines(
-    spectra: MultisineSpectra, observation: Observation, *, switched: bool, share: float = 1.0
+    spectra: MultisineSpectra, model: Model, *, switched: bool, share: float = 1.0
 ) -> SpectralLines:
     """Select the lines of the band, or those up to the highest excited one; never line zero, the mean.
 
     ``share`` is how much of the response is in the motion across. No law gives the motion of a second sensor:
     the lowest lines that noise hides are no part of it.
     """
-    band = observation.band
+    band = model.observation.band
     low, high = band or (0.0, np.inf)
     frequency = spectra.omega / (2 * np.pi)
     used = (frequency >= low) & (frequency <= high) & (spectra.lines > 0) & spectra.recorded
@@ -177,9 +180,10 @@ def select_lines(
     # no line at all is refused where parameters are counted
     fitted = frequency[driven] if driven.any() else frequency[:, 1:]
     ends = float(fitted.min()), float(fitted.max())
-    background = background_of_lines(observation.background, spectra, ends)
+    background = background_of_lines(model.observation.background, spectra, ends)
+    reach = samples, lowest, highest, extended
     none = np.zeros(len(background.names))
-    return SpectralLines(spectra, used, samples, lowest, highest, extended, background, none, far)
+    return SpectralLines(spectra, used, *reach, background, none, far, model.weighed)
 
 
 def _samples_of(extended: int) -> int:

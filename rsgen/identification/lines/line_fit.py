@@ -55,6 +55,7 @@ from rsgen.identification.terms import (
     larger_backgrounds,
     unfixed_terms,
     with_coefficients,
+    with_weighing,
 )
 from rsgen.law.element import Element, make_element
 from rsgen.law.motion import Motion
@@ -117,6 +118,11 @@ class LineFit:
         of_law = [name not in self.fixed for name in (*self.law.parameters, "m")]
         return np.array(of_law + [True] * len(self.background))
 
+    @property
+    def rules(self) -> Rules:
+        """What is known of the parameters."""
+        return Rules(free=self.free).knowing(len(self.values), self.lines.weighed)
+
     @cached_property
     def mode(self) -> SpectralLines:
         """The lines without the background."""
@@ -131,8 +137,7 @@ class LineFit:
     def regression(self) -> Regression:
         """The linearised fit: covariance and null space for the variances of the lines."""
         line = self.linearise(self.parameters, self.nuisance)
-        rules = Rules(free=self.free)
-        return summarise(line, self.parameters, self.nuisance, rules, converged=self.converged)
+        return summarise(line, self.parameters, self.nuisance, self.rules, converged=self.converged)
 
     @cached_property
     def errors(self) -> tuple[Regression, float]:
@@ -223,7 +228,7 @@ def fit_lines(
     fit = LineFit(lines, law, fixed, start, unknown, variance)
     if "f_n" in lines.background.names:
         fit = _place_neighbour(fit)
-    rules = Rules(free=fit.free)
+    rules = fit.rules
     for iteration in range(MAX_ALTERNATIONS):
         place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance, rules)
         if fit.noise.cross_covariance.any():
@@ -244,7 +249,7 @@ def _place_neighbour(fit: LineFit) -> LineFit:
     without = replace(fit.lines, background=residuals, subtracted=np.zeros(len(residuals.names)))
     begun = fit_lines(without, fit.law, fit.fixed, fit.values, fit.mass)
     fit = replace(fit, variance=begun.variance)
-    rules, trials = Rules(free=fit.free, steps=MAX_TRIAL_STEPS), []
+    rules, trials = replace(fit.rules, steps=MAX_TRIAL_STEPS), []
     for neighbour in neighbours(own.band, begun.mass):
         start = np.append(begun.parameters, neighbour)
         place, _, line, _ = descend(fit.linearise, start, fit.nuisance, rules)
@@ -313,8 +318,8 @@ def fit_larger_backgrounds(fit: LineFit) -> dict[str, Alternative]:
     seen = replace(lines, background=larger)
     line = replace(fit, lines=seen, parameters=parameters).linearise(parameters, fit.nuisance)
     rows = line.by_parameter.reshape(line.residual.size, len(parameters))
-    free = fit.free[: len(fit.values) + 1]
-    return larger_backgrounds(line.residual.reshape(-1), rows, free, own, larger, larger.names)
+    right, rows = with_weighing(line.residual.reshape(-1), rows, lines.weighed, len(fit.values), fit.mass)
+    return larger_backgrounds(right, rows, fit.free[: len(fit.values) + 1], own, larger, larger.names)
 
 
 def fit_second_sensor(fit: LineFit) -> dict[str, Alternative]:
@@ -334,8 +339,9 @@ def fit_second_sensor(fit: LineFit) -> dict[str, Alternative]:
     rows = np.concatenate([line.by_parameter, np.stack(columns, axis=2)], axis=2)
     added = len(fit.parameters) + np.arange(len(columns))
     groups = {kind: [*free, *added[: 2 * i]] for i, kind in enumerate(kinds, start=1)}
-    right = line.residual.reshape(-1)
-    return joint_alternatives(right, rows.reshape(len(right), -1), list(free), groups, len(fit.values) + 1)
+    count, right = len(fit.values), line.residual.reshape(-1)
+    equations = with_weighing(right, rows.reshape(len(right), -1), fit.lines.weighed, count, fit.mass)
+    return joint_alternatives(*equations, list(free), groups, count + 1)
 
 
 def fit_fixed_parameters(fit: LineFit) -> dict[str, Alternative]:
@@ -346,16 +352,19 @@ def fit_fixed_parameters(fit: LineFit) -> dict[str, Alternative]:
 
 def _fit_added_parameters(fit: LineFit, added: Sequence[int] | NDArray[np.intp]) -> list[Alternative]:
     """Fit each of the added parameters together with all others."""
-    line, used = fit.linearise(fit.parameters, fit.nuisance), fit.lines.used
+    line, lines = fit.linearise(fit.parameters, fit.nuisance), fit.lines
     matrix = line.by_parameter.reshape(line.residual.size, len(fit.parameters))
     others = np.delete(np.arange(len(fit.parameters)), added)
-    deviation = np.moveaxis(fit.noise.deviation * np.sqrt(2 / fit.variance)[:, None], 1, 2)[used]
+    deviation = np.moveaxis(fit.noise.deviation * np.sqrt(2 / fit.variance)[:, None], 1, 2)[lines.used]
+    readings = np.stack([deviation.real, deviation.imag], axis=1).reshape(line.residual.size, -1).T
+    right, rows = with_weighing(line.residual.reshape(-1), matrix, lines.weighed, len(fit.values), fit.mass)
     return alternatives(
-        line.residual.reshape(-1),
-        matrix[:, others],
-        matrix[:, added],
+        right,
+        rows[:, others],
+        rows[:, added],
         _slope_noise_score(fit)[[*others, *added]],
-        np.stack([deviation.real, deviation.imag], axis=1).reshape(line.residual.size, -1).T,
+        # each period has its lines, and the one weighing
+        np.pad(readings, ((0, 0), (0, len(right) - readings.shape[1]))),
         Rules(free=fit.free[others]),
     )
 
@@ -578,6 +587,8 @@ def start_values(lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float]
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
     """
+    if lines.weighed is not None:
+        fixed = {"m": lines.weighed[0], **fixed}
     free_law = law.at(fixed)
     balance = _SampledBalance(lines, free_law, fixed)
     nonlinear = balance.search() if free_law.nonlinear else np.zeros(0)

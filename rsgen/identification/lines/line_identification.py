@@ -156,18 +156,18 @@ def _offset_findings(fit: LineFit) -> list[Finding]:
 
 def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
     """Fit a law to the lines of the records that are not held out; raise as ``identify_multisine``."""
-    observation = model.observation
-    held_out = check_records(spectra, observation)
+    held_out = check_records(spectra, model.observation)
     part = spectra.select(np.flatnonzero(~held_out))
     law = law_of(model.elements, part.means)
-    lines = select_lines(part, observation, switched=law.switched, share=law.parts[-1].share)
+    selected = partial(select_lines, part, model, share=law.parts[-1].share)
+    lines = selected(switched=law.switched)
     count = int(lines.used.sum())
     if 2 * count <= len(law.parameters) + 1 + len(lines.subtracted):
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.fixed)
         fit = fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass)
-        steep = replace(fit, lines=select_lines(part, observation, switched=True, share=law.parts[-1].share))
+        steep = replace(fit, lines=selected(switched=True))
         if law.switched or is_resolved(fit, steep):
             return fit
         longer = fit_lines(steep.lines, law, model.fixed, fit.values, fit.mass)
@@ -215,7 +215,9 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
             excited=int((lines.used & part.excited()).sum()),
             records=len(part),
             levels=len(part.levels),
-            known=spectra.origin == "simulated" or any("N" in units[name] for name in model.fixed),
+            known=spectra.origin == "simulated"
+            or model.weighed is not None
+            or any("N" in units[name] for name in model.fixed),
         ),
         findings=tuple(findings),
         solution=fit.values,
@@ -318,6 +320,15 @@ def _fixed_findings(fit: LineFit, errors: Errors) -> list[Finding]:
         if free.gain >= least and abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed):
             left, times = misfit * _share_left(fit, free), float(np.sqrt(free.gain))
             found.append(fixed_contradicted(name, fixed, free.value, misfit=misfit, left=left, times=times))
+    if fit.lines.weighed is not None:
+        # of the variance of the weighing the test has left that of the mass: the rest is that of their gap
+        given, error = fit.lines.weighed
+        rest, moved = 1 - float(errors.of_law[-1, -1]) / error**2, fit.mass - given
+        times = abs(moved) / (error * np.sqrt(rest)) if rest > 0 else 0.0
+        if times > NOISE_LIMIT_SIGMAS:
+            found.append(
+                fixed_contradicted("m", given, moved / rest, misfit=misfit, times=times, error=error)
+            )
     return found
 
 

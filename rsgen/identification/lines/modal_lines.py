@@ -66,7 +66,7 @@ def _fit_force(spectra: MultisineSpectra, model: Model, *terms: str) -> tuple[fl
     """Fit the sum of some terms; return it with its AIC."""
     law = compile_law(parse(" + ".join(terms)))
     # along the motion as recorded: lines beyond it, that follow from a law, are small and cost much
-    lines = select_lines(spectra, model.observation, switched=False)
+    lines = select_lines(spectra, model, switched=False)
     found = fit_lines(lines, law, model.fixed, *start_values(lines, law, model.fixed))
     rows = 2 * int(lines.used.sum())
     return rows * np.log(max(found.misfit**2, ROUND_OFF**2)) + 2 * int(found.free.sum()), found

@@ -287,6 +287,8 @@ class WhitenedBalance(ABC):
         (n,) level of each point.
     sensors
         Between which the second motion is.
+    weighed
+        Mass [kg] and its standard error, in units of the noise, where it was weighed; None where it was not.
     """
 
     trajectories: tuple[Trajectory, ...]
@@ -298,6 +300,7 @@ class WhitenedBalance(ABC):
     compared: NDArray[np.bool_]
     level: Array
     sensors: str = field(default="", kw_only=True)
+    weighed: tuple[float, float] | None = field(default=None, kw_only=True)
     _linear_laws: dict[tuple[ForceLaw, bool], tuple[Array, Array]] = field(default_factory=dict, kw_only=True)
 
     def __len__(self) -> int:
@@ -423,7 +426,8 @@ def whiten_balance(
         True if the motion is one of this very law. Its force along the waveform, with the inertia, then
         stands in place of the force of the motion, so that the error by a truncated waveform at jumps and
         corners cancels. False along the measured motion, whose noise is not known and ``noise`` is one: the
-        weight with which the background stays near its values is then that of ``ASSUMED_RELATIVE_NOISE``.
+        weight with which the background stays near its values, and a mass near the one that was weighed, is
+        then that of ``ASSUMED_RELATIVE_NOISE``.
     sensors
         Between which the motion has a second one.
     """
@@ -445,7 +449,8 @@ def whiten_balance(
         right[part] = (root @ unweighted[:, :, None])[:, :, 0]
         inertia[part] = (root @ acceleration[:, :, None])[:, :, 0]
         matrices[part] = root[:, motion.known] @ series.project.T
-    weight = motion.background_effect / MAX_MOTION_DISTANCE * (1.0 if balanced else ASSUMED_RELATIVE_NOISE)
+    unit, weighed = 1.0 if balanced else ASSUMED_RELATIVE_NOISE, motion.points.weighed
+    weight = motion.background_effect / MAX_MOTION_DISTANCE * unit
     return PointBalance(
         trajectories,
         inertia,
@@ -458,6 +463,7 @@ def whiten_balance(
         matrices,
         motion.points.spread(COMPARISON_POINTS),
         sensors=sensors,
+        weighed=weighed and (weighed[0], weighed[1] / unit),
     )
 
 

@@ -105,7 +105,7 @@ class CandidateFit:
     compared
         (r,) mask of the rows that count.
     background_cost
-        Sum of squares of the change of the background.
+        Sum of squares of the change of the background, and of that of a mass which was weighed.
     fault
         Why it is no candidate; "" where it is one.
     converged
@@ -216,9 +216,10 @@ class _Balance:
         return Linearisation(residual, np.zeros((*residual.shape, 0)), matrix)
 
     @property
-    def prior(self) -> Array:
-        """Inverse standard errors (q,) with which the changes of the background are known to be zero."""
-        return np.append(np.zeros(len(self.names)), self.rows.background_weight)
+    def rules(self) -> Rules:
+        """What is known of the parameters: changes of the background are zero, a mass may be weighed."""
+        prior = np.append(np.zeros(len(self.names)), self.rows.background_weight)
+        return Rules(free=self.free, prior=prior).knowing(len(self.names) - 1, self.rows.weighed)
 
     def lacks_static_stiffness(self, values: Array) -> bool:
         """Return True if almost all static stiffness comes from a hysteretic element.
@@ -262,11 +263,10 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
     free = (-np.inf, np.inf)
     limits = np.array([*(candidate.limits.get(name, free) for name in names), *(free for _ in unchanged)])
     limits = limits.reshape(-1, 2)
-    rules = Rules(
+    rules = replace(
+        balance.rules,
         steps=NEAR_STEPS if balance.nonlinear else 0,
         linear=[i for i in np.flatnonzero(balance.free).tolist() if i not in balance.nonlinear],
-        free=balance.free,
-        prior=balance.prior,
         bounded_step=partial(_limited_step, limits=limits, nonlinear=balance.nonlinear),
     )
     place = np.clip(place, limits[:, 0], limits[:, 1])
@@ -275,7 +275,7 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
     values = dict(zip(names, place[: len(names)].tolist(), strict=True))
     background = rows.background_at + place[len(names) :]
     fitted = replace(candidate, values=values, background=background)
-    background_cost = float(np.sum((balance.prior * place) ** 2))
+    background_cost = float(np.sum(rules.prior_rows(place)[1] ** 2))
     fault = ""
     if not np.isfinite(np.sum(residual[:, rows.compared] ** 2)):
         fault = "its force is not finite along the motion"
@@ -312,7 +312,7 @@ def _predict_levels(balance: _Balance, place: Array, residual: Array, matrix: Ar
     if len(parts) < 2:
         return predicted
     fixed = np.where(balance.free, np.nan, 0.0)
-    prior = np.column_stack([np.diag(balance.prior), -balance.prior * place])
+    prior = np.column_stack(rules.prior_rows(place))
     rows = np.concatenate([matrix, residual[:, :, None]], axis=2)[:, compared]
     triangles = [np.linalg.qr(rows[part].reshape(-1, rows.shape[2]), mode="r") for part in parts]
     for i, part in enumerate(parts):

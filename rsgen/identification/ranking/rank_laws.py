@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf, nan
+from typing import Any
 
 import numpy as np
 
@@ -117,6 +118,7 @@ def rank(
     observation: Observation | None = None,
     *,
     mass: float | None = None,
+    mass_error: float | None = None,
     terms_in_sum: int = 2,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Ranking:
@@ -132,8 +134,8 @@ def rank(
         with which a model competes, too. None: the library.
     observation
         How the structure was observed; None: that of a model.
-    mass
-        m [kg] if it is known; None: that of a model, or identified.
+    mass, mass_error
+        m [kg] if it is known, and its standard error, as for ``identify``; None: as a model says.
     terms_in_sum
         Largest number of laws of the library in a sum; sums of three often overfit. 1 if a base is misread.
     progress
@@ -158,7 +160,7 @@ def rank(
     if terms_in_sum not in (1, 2, 3):
         raise RsgenError(f"terms_in_sum: {terms_in_sum!r:.60}; must be 1, 2 or 3")
     laws, terms, base = competitors(candidates)
-    base = join_model(base, observation, mass)
+    base = join_model(base, observation, mass, mass_error=mass_error)
     if set(base.fixed) - {"m"}:
         raise RsgenError("ranking: other laws have other parameters; of what is fixed only the mass can stay")
     elements = tuple(chain(*laws.values()))
@@ -183,7 +185,8 @@ def rank(
     if isinstance(surface, MultisineSpectra) or (centred := without_offset(surface)) is surface:
         return ranking
     # the mean may be the sensor's where no law has such a place of rest, or only one with more parameters
-    other = rank(centred, candidates, observation, mass=mass, terms_in_sum=terms_in_sum, progress=progress)
+    known: dict[str, Any] = {"mass": mass, "mass_error": mass_error, "terms_in_sum": terms_in_sum}
+    other = rank(centred, candidates, observation, **known, progress=progress)
     fewer = other.candidates[0].parameters + 1 < ranking.candidates[0].parameters
     return other if other.fits and (fewer or not ranking.fits) else ranking
 
@@ -341,10 +344,8 @@ def _settle_best(
             found = identified.get(number)
             break
         try:
-            if many is None:
-                found = identify(surface, model)
-            else:
-                found = identify_points(many, model, NOISE_RATIO_BY_CHANCE * misfit, SUBSAMPLE_POINTS)
+            few = NOISE_RATIO_BY_CHANCE * misfit, SUBSAMPLE_POINTS
+            found = identify(surface, model) if many is None else identify_points(many, model, *few)
         except RsgenError as refused:
             return order, None, refused
         identified[number] = found

@@ -85,6 +85,7 @@ class LineBalance(WhitenedBalance):
             compared=np.ones(2, dtype=bool),
             level=np.repeat(spectra.level, fit.lines.used.sum(axis=1)),
             sensors=fit.law.parts[-1].sensors,
+            weighed=mode.weighed,
             fit=fit,
             records=records,
         )
@@ -185,7 +186,7 @@ class RecordTest(RankedTest):
         sensors: str = "",
     ) -> None:
         held_out = check_records(spectra, base.observation)
-        self._spectra, self._observation = spectra.select(np.flatnonzero(~held_out)), base.observation
+        self._spectra = spectra.select(np.flatnonzero(~held_out))
         self._base, self._given, self._sensors = base, given, sensors
         self.fixed, self.means = base.fixed, spectra.means
         for elements in given:
@@ -210,7 +211,7 @@ class RecordTest(RankedTest):
 
     def _select(self, law: ForceLaw) -> SpectralLines:
         share = law.parts[-1].share
-        return select_lines(self._spectra, self._observation, switched=law.switched, share=share)
+        return select_lines(self._spectra, self._base, switched=law.switched, share=share)
 
     def _fit(self, law: ForceLaw) -> LineFit:
         lines = self._select(law)

@@ -144,6 +144,12 @@ class _TermColumns:
         self.products = matrix.T @ matrix
         self.against = matrix.T @ flat
         self.power = float(flat @ flat)
+        if rows.weighed is not None:
+            place, (mass, error) = self.base["m"], rows.weighed
+            slope = 1 / (error * self.norm[place])
+            self.products[place, place] += slope**2
+            self.against[place] += slope * mass / error
+            self.power += (mass / error) ** 2
         # every sum has its own best background: project it out of all columns
         background = rows.background[:, compared].reshape(len(flat), -1)
         if background.shape[1]:

@@ -91,7 +91,7 @@ def alternatives(
     readings
         (P, r) deviations of single readings from their mean, whose scatter enlarges the errors.
     rules
-        Which parameters are fixed, and the record of each point, which has r/n rows.
+        Which parameters are fixed, and the record of each point, which has r/n rows, rounded down.
 
     Returns
     -------
@@ -114,7 +114,10 @@ def alternatives(
         value = float(own @ residual - more + absorbed @ own_score) / size
         error = size**-0.5
         if rules.record is not None:
-            unit, right = (part.reshape(len(rules.record), -1) for part in (own * error, residual))
+            # the weighing of a mass, the last row, is in no record
+            count = len(rules.record)
+            measured = len(residual) // count * count
+            unit, right = (part[:measured].reshape(count, -1) for part in (own * error, residual))
             error *= float(np.sqrt(summed_products(unit[:, :, None], right, rules.record)[0, 0]))
         elif not len(readings):
             error = max(error, float(np.linalg.norm(own * residual)) / size)

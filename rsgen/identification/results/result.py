@@ -89,26 +89,32 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
 
     ``rms`` where amplitudes are said to be.
     """
-    mass = found._estimates.get("m")
-    if mass is None or mass.unit != "kg" or (mass.standard_error and "mass" not in found.outcome.names):
+    mass, weighed = found._estimates.get("m"), found.model_given.weighed
+    known = weighed or "mass" in found.outcome.names
+    if mass is None or mass.unit != "kg" or (mass.standard_error and not known):
         return []
     by = found.outcome.numbers.get("moves", Quantity(1.0)).value
     # a tenth of a per cent where one is beyond what slopes tell
     part = 1.0 if abs(by) < 20 else 0.1
     moved = f"{found.outcome.names.get('moves', 'the linear stiffness')} by about {number_text(part * by, 2)}"
-    given = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
-    free = (
-        "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what moves, "
-        f"and give it under [system] (in Python mass=); a mass other than m = {short(mass.value, 4)} kg "
-        "shows a wrong ratio of force to response, as of one of them rms read as peak, or of a missing 2 pi"
-    )
-    off = {one.name: off_if_rms(one.unit) for one in found if one.identifiable and not rms}
-    changed = [f"{name} is {words}" for name, words in off.items() if words]
+    said = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
+    if weighed:
+        now = f"{short(mass.value, 5)} +- {short(mass.standard_error, 2)} kg, its error in all intervals"
+        said = f"m, given as {short(weighed[0], 5)} +- {short(weighed[1], 2)} kg, is with the test {now}"
+    elif mass.standard_error:
+        said = (
+            "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what "
+            "moves, and give it under [system] (in Python mass=); a mass other than m = "
+            f"{short(mass.value, 4)} kg shows a wrong ratio of force to response, as of one of them rms read "
+            "as peak, or of a missing 2 pi"
+        )
+    values = [] if rms else [one for one in found if one.identifiable]
+    changed = [f"{one.name} is {words}" for one in values if (words := off_if_rms(one.unit))]
     common = (
         "m does not show a factor that force and response share: where both are rms but read as peak, "
         f"{', '.join(changed)} (or the reverse), and linear values stay"
     )
-    return [free if mass.standard_error else given, *[common] * bool(changed)]
+    return [said, *[common] * bool(changed)]
 
 
 def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
@@ -139,9 +145,8 @@ def size_of_error(one: Any, usable: bool) -> str:
     if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
         return ""
     good = usable and one.error <= MAX_ERROR_TO_MISFIT * one.misfit
-    return (
-        f"{one.error / one.misfit:.2g} times the misfit of the fitted levels" + ": as good as the fit" * good
-    )
+    ratio = f"{one.error / one.misfit:.2g} times the misfit of the fitted levels"
+    return ratio + ": as good as the fit" * good
 
 
 @dataclass(frozen=True, slots=True)
