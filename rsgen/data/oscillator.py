@@ -259,7 +259,8 @@ class Model(_Elements):
     fixed
         Values of parameters that are known beforehand, SI, by name; all others are to be identified.
     mass_error
-        Standard error [kg] of a mass that was weighed: it is then identified, from one more equation.
+        Standard error [kg] of a mass that was weighed: it is then identified, from one more equation. A mass
+        in ``fixed`` is held, as fits of tests whose forces follow it do, and its error is in all values.
 
     Raises
     ------
@@ -296,9 +297,11 @@ class Model(_Elements):
         object.__setattr__(self, "mass", known.get("m"))
         if mass_error is not None:
             mass_error = require_number(mass_error, "mass_error", "kg")
-            none = "" if known.pop("m", 0.0) else f"{mass_error:g} kg, but no mass is given"
+            none = "" if "m" in known else f"{mass_error:g} kg, but no mass is given"
             if fault := KNOWN_MASS.fault(mass_error) or none:
                 raise RsgenError(f"mass_error: {fault}; leave it out where the mass is exact, or not known")
+            if "m" not in fixed:
+                del known["m"]
         object.__setattr__(self, "fixed", MappingProxyType(known))
         object.__setattr__(self, "mass_error", mass_error)
 
@@ -327,6 +330,11 @@ class Model(_Elements):
         if "m" in numbers and not self.observation.calibrated:
             raise RsgenError("mass: given, but the test is not calibrated; leave the mass out, or calibrate")
         return numbers
+
+    @property
+    def exact(self) -> Mapping[str, float]:
+        """The fixed values without a mass that has an error."""
+        return {name: value for name, value in self.fixed.items() if name != "m" or self.mass_error is None}
 
     @property
     def weighed(self) -> tuple[float, float] | None:

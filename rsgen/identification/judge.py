@@ -90,6 +90,7 @@ from rsgen.identification.results.estimates import (
     phase_findings,
     state_background,
     state_parameters,
+    with_mass_error,
 )
 from rsgen.identification.soundness import (
     exclusion_findings,
@@ -456,6 +457,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     surface, points = _mode(test.surface, refined), _mode(test.points, refined)
     kept = points.select(used)
     errors = errors_of(test, refined, surface, points)
+    errors = with_mass_error(errors, law, model, refined.problem.observed.background.names)
     units = units_of(model, surface.units)
     tested = largest_tested(points.amplitude, points.level, surface.level_unit)
 

@@ -306,7 +306,7 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
     for name, given in problem.given.items():
         if name == "m" and surface.per_mass:
             continue
-        error = weighed[1] if weighed and name == "m" else 0.0
+        error = weighed[1] if weighed and name not in problem.fixed else 0.0
         free = _freed(problem, start, name).regression
         place, best = names.index(name), free.rms_misfit
         leaves = size * best / whole if whole > 0 else np.inf

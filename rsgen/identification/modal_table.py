@@ -79,7 +79,7 @@ from rsgen.identification.modal_result import (
     table_amplitudes,
 )
 from rsgen.identification.results.alternatives import Agreement
-from rsgen.identification.results.estimates import state_background
+from rsgen.identification.results.estimates import error_of_mass, state_background
 from rsgen.identification.starting.start import start_fit, with_phase
 from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law
@@ -384,6 +384,9 @@ def modal_table(
             modal, found = _at_phase_resonance(seen, LAG_ERROR if means.lag_assumed else 0.0)
     if means.lag_assumed:
         found = replace(found, covariance=found.covariance + loop_error(found.influence))
+    names = modal.observed.background.names
+    more = error_of_mass(model, found.parameters, range(modal.coefficients), names)
+    found = replace(found, covariance=found.covariance + more)
     table = _table(modal, found, means, model)
     return replace(table, findings=(*copied, *table.findings))
 

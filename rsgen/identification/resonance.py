@@ -159,7 +159,7 @@ def fit_resonances(
 
     ``near`` returns an approximate solution, for an unknown mass or a law that is not linear in parameters.
     """
-    mass, mass_error = (fixed["m"], 0.0) if "m" in fixed else points.weighed or _estimate_mass(points)
+    mass, mass_error = points.weighed or ((fixed["m"], 0.0) if "m" in fixed else _estimate_mass(points))
     resonances, turning = find_resonances(points, mass if np.isfinite(mass) else near().mass)
 
     def fitted() -> Solution:

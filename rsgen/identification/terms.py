@@ -423,7 +423,7 @@ def moves_with_mass(fit: Fit) -> dict[str, float]:
     """
     problem, parameters = fit.problem, fit.regression.parameters
     rows = linearise_extended(fit, problem, parameters)[1].reshape(-1, len(parameters))
-    if "m" not in problem.fixed or not len(rows):
+    if "m" not in problem.fixed or problem.observed.points.weighed or not len(rows):
         return {}
     moved = -solve_scaled(rows[:, problem.free], rows[:, problem.count - 1] * fit.mass)[0]
     names = np.array([*problem.law.parameters, "m"])[problem.free[: problem.count]]

@@ -121,6 +121,9 @@ def test_the_mass_with_which_a_decay_was_read_is_known_afterwards() -> None:
     surface = from_free_decay(TimeHistory(RATE, None, decaying), mass=MASS)
     assert rsgen.modal_table(surface).mass == MASS
     assert rsgen.identify(surface, "k*x + c*v").mass == MASS
+    weighed = rsgen.identify(surface, "k*x + c*v", mass=MASS, mass_error=0.02 * MASS)
+    assert weighed["k"].standard_error == pytest.approx(0.02 * weighed["k"].value, rel=1e-3)
+    assert weighed["m"].standard_error == pytest.approx(0.02 * MASS)
     # another mass that is given counts
     assert rsgen.modal_table(surface, mass=2.0).mass == 2.0
 

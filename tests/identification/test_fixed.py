@@ -351,6 +351,25 @@ def test_a_mass_many_of_its_errors_off_is_contradicted(noise):
     assert "+- 10 g (" in str(found)
 
 
+def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
+    test, given = noisy(surface("cubic"), NOISE, 1), {"mass": MASS, "mass_error": 0.02 * MASS}
+    shaken = replace(test, force=test.force / MASS, base="acceleration", per_mass=True)
+    exact, asked = (rsgen.identify(shaken, LAWS["cubic"][0], **one) for one in ({"mass": MASS}, given))
+    for one in (*exact, *exact.fixed):
+        both = np.hypot(one.standard_error, 0.02 * abs(one.value))
+        assert (asked[one.name].value, asked[one.name].standard_error) == pytest.approx((one.value, both))
+    assert not asked.fixed
+    assert asked.verdict.state == exact.verdict.state == "identified"
+    assert mass_lines(asked)[0].startswith("m, given as 1.5 +- 0.03 kg, is with the test 1.5 +- 0.03 kg")
+    # of a given motion of the base the response is that of any mass
+    bands = [rsgen.predict(one, [1.5]).curves[0].upper for one in (exact, asked)]
+    assert bands[1] == pytest.approx(bands[0], nan_ok=True)
+    table = rsgen.modal_table(shaken, **given)
+    assert (table.mass, table.mass_error) == pytest.approx((MASS, 0.02 * MASS))
+    with pytest.raises(rsgen.RsgenError, match="a term of the law without a free factor"):
+        rsgen.identify(shaken, "5920*x + kn*x**3 + c*v", **given)
+
+
 @pytest.mark.parametrize(("given", "fault"), [
     ({"mass": 1.5, "mass_error": 0.0}, "mass_error: is 0 kg; a number above 0 is needed"),
     ({"mass": 1.5, "mass_error": -1.0}, "mass_error: is -1 kg"),

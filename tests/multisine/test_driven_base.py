@@ -34,6 +34,12 @@ def test_a_base_drives_as_the_inertia_force_does(exact):
         assert given[name].value == pytest.approx(free[name].value, rel=1e-12)
         assert alone[name].value == pytest.approx(free[name].value / MASS, rel=1e-9)
         assert alone[name].standard_error == pytest.approx(free[name].standard_error / MASS, rel=1e-6)
+    weighed = {"mass": MASS, "mass_error": 0.02 * MASS}
+    found, table = rs.identify(exact, LAW, **weighed), rs.modal_table(exact, **weighed)
+    for one in (*given, *given.fixed):
+        assert found[one.name].value == pytest.approx(one.value, rel=1e-9)
+        assert found[one.name].standard_error == pytest.approx(0.02 * one.value, rel=1e-3)
+    assert table.mass_error == pytest.approx(0.02 * MASS)
     assert (given["k"].unit, alone["k"].unit) == ("N/m", "N/m/kg")
     assert alone.curve.level_unit == "m/s^2"
     assert "per-unit-mass" in {finding.code for finding in alone.findings}

@@ -114,7 +114,7 @@ def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:
     sized = planned is None or getattr(planned, "control", "") in ("response", "continuation")
     read_as = [f for f in table.findings if f.code != "mass-of-case"]
     findings = (*read_as, *size_findings(table, case)) if sized else ()
-    finds_mass = case.model.mass is None and not table.per_mass
+    finds_mass = "m" not in case.model.fixed and not table.per_mass
     notes = sentences_of_elements(case.model.elements)
     if isinstance(case.test, MeasuredTest) and (left := unread(case.test)):
         notes.append(f"not read of {case.test.file.name}: {listed(left)}")

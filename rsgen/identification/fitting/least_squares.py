@@ -218,7 +218,7 @@ class Rules:
 
     def knowing(self, place: int, known: tuple[float, float] | None) -> Rules:
         """Return the rules with the value and the standard error of a parameter, if they are known."""
-        if known is None:
+        if known is None or not np.broadcast_to(self.free, np.size(self.free))[place]:
             return self
         here = np.arange(np.size(self.free)) == place
         prior = np.where(here, 1 / known[1], 0.0 if self.prior is None else self.prior)

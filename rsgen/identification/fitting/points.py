@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import nan
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,8 @@ from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within_half_power
+from rsgen.formula.names import symbol
+from rsgen.law.character import character
 from rsgen.law.motion import Motion, feeds_exciter
 
 Test = TypeVar("Test", ResponseSurface, MultisineSpectra)
@@ -258,17 +260,34 @@ def per_unit_mass(surface: Test, model: Model) -> tuple[Test, Model]:
     read_with = [f for f in surface.findings if f.code in ("force-of-decay", "mass-of-case")]
     given = [f.numbers for f in read_with if "mass" in f.numbers]
     if given and model.mass is None:
-        mass, *error = (float(given[0][name].value) for name in ("mass", "error") if name in given[0])
+        # that of the case stands last, with its error
+        mass, *error = (float(given[-1][name].value) for name in ("mass", "error") if name in given[-1])
         model = join_model(model, mass=mass, mass_error=next(iter(error), None))
     elif given:
         surface = replace(surface, findings=tuple(f for f in surface.findings if f.code != "mass-of-case"))
-    if model.mass_error and (surface.per_mass or any(f.code == "force-of-decay" for f in read_with)):
-        raise RsgenError(
-            f"mass_error: {model.mass_error:g} kg, but its forces are that mass times a motion, and "
-            "linear values scale with it; leave it out, and add its relative error to theirs"
-        )
+    if model.mass_error:
+        follows = surface.per_mass or bool(surface.base) or any(f.code == "force-of-decay" for f in read_with)
+        model = _with_weighed_mass(model, follows=follows)
     surface = surface.on_mass(model.fixed.get("m", nan))
     return surface, join_model(model, mass=1.0) if surface.per_mass else model
+
+
+def _with_weighed_mass(model: Model, *, follows: bool) -> Model:
+    """Return a model whose mass is fitted with its error, or held where the forces of a test follow it.
+
+    These are the mass times a motion: all linear values have its relative error (``with_mass_error``).
+    """
+    others = {name: value for name, value in model.fixed.items() if name != "m"}
+    if follows:
+        law = character(model.force)
+        linear = {law.parameters[place] for place in law.linear}
+        if model.force.xreplace(dict.fromkeys(map(symbol, linear), 0)) != 0 or linear & others.keys():
+            raise RsgenError(
+                f"mass_error: {model.mass_error:g} kg, but forces of this test are the mass times a motion, "
+                "and a term of the law without a free factor does not follow them; leave mass_error out"
+            )
+        others["m"] = cast("float", model.mass)
+    return Model(model.elements, model.mass, model.observation, others, model.mass_error)
 
 
 def _load_of(surface: ResponseSurface, index: NDArray[np.intp]) -> NDArray[np.complex128] | None:

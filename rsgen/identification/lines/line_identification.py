@@ -80,6 +80,7 @@ from rsgen.identification.results.estimates import (
     phase_findings,
     state_background,
     state_parameters,
+    with_mass_error,
 )
 from rsgen.identification.soundness import gain_findings, signs_along
 from rsgen.law.motion import Motion
@@ -177,7 +178,7 @@ def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
 def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> MultisineIdentification:
     """Return a fit as a result: errors by noise, wider ones by alternatives, estimates, findings."""
     lines, part = fit.mode, fit.mode.spectra
-    errors = _errors_of(fit)
+    errors = with_mass_error(_errors_of(fit), fit.law, model, lines.background.names)
     amplitudes, units = np.sqrt(2) * part.rms_response(), units_of(model, part.units)
     tested = largest_tested(amplitudes, part.levels, part.level_unit)
     stated = state_parameters(errors, fit.law, model, units, tested)

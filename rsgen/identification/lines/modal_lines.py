@@ -40,6 +40,7 @@ from rsgen.identification.modal_result import (
     scattered,
     table_amplitudes,
 )
+from rsgen.identification.results.estimates import error_of_mass
 from rsgen.law.motion import Motion, project
 from rsgen.law.numeric import compile_law
 
@@ -148,7 +149,9 @@ def table_of_lines(spectra: MultisineSpectra, model: Model) -> ModalTable:
         ends = tested[0] / _MARGIN, tested[1] * _MARGIN
         size = np.geomspace(*ends, _DESCRIBED_AMPLITUDES)
         basis = SplineBasis.over(size, ends, **_LINE_SHAPE)
-        errors, _ = found.errors
+        errors, names = found.errors[0], found.lines.background.names
+        more = error_of_mass(model, found.parameters, found.law.linear, names)
+        errors = replace(errors, covariance=errors.covariance + more)
         variance = float(np.diag(errors.covariance)[len(found.values)])
         _refuse_unsound(found, variance)
         weights = np.array([np.exp(-0.5 * (price - least)) for price, _ in tried])

@@ -91,6 +91,8 @@ class AmplitudeBalance:
         self._covariance = np.where(known | ~known.any(), identification.covariance, 0.0)
         names = (*self._law.parameters, "m")
         self._places = [names.index(estimate.name) for estimate in identification.refined]
+        # the force of a driven base follows a mass that has an error
+        self._following_mass = np.array(self._places) == (len(names) - 1 if identification.curve.base else -1)
         self._largest = identification.amplitude_range[1]
         self._centre = np.pi * sum(identification.frequency_range)
         self._tabulate(2 * self._largest)
@@ -121,6 +123,7 @@ class AmplitudeBalance:
     def force_spread(self, at: Response) -> Array:
         """Return the half width (n,) of the 95 % band of the force amplitude [N]."""
         slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
+        slope -= np.abs(at.force)[:, None] / self._mass * self._following_mass
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
         return np.asarray(interval_sigmas() * np.sqrt(np.maximum(variance, 0.0)))
 
@@ -391,6 +394,7 @@ class SynthesisBalance(AmplitudeBalance):
         self._splines, self._mass = splines, splines.mass
         self._covariance = np.nan_to_num(splines.covariance)
         self._places = list(range(len(self._covariance)))
+        self._following_mass = np.array(self._places) == (self._places[-1] if table.test.base else -1)
         self._least, self._largest = splines.basis.lowest, table.tested[1]
         self._centre = np.pi * sum(frequencies)
         self._tabulate(BEYOND * self._largest)

@@ -144,7 +144,7 @@ class _TermColumns:
         self.products = matrix.T @ matrix
         self.against = matrix.T @ flat
         self.power = float(flat @ flat)
-        if rows.weighed is not None:
+        if rows.weighed is not None and "m" in self.base:
             place, (mass, error) = self.base["m"], rows.weighed
             slope = 1 / (error * self.norm[place])
             self.products[place, place] += slope**2

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf, isfinite, log2, nan
+from typing import TypeVar
 
 import numpy as np
 import sympy
@@ -71,7 +72,7 @@ def make_estimates(
         if not finite and finding is None:
             finding = Finding("not-determined", "warning", name)
         estimates.append(Estimate(name, centre, error, interval, units[name], finding))
-    return tuple(estimate for estimate in estimates if estimate.name not in model.fixed)
+    return tuple(estimate for estimate in estimates if estimate.name not in model.exact)
 
 
 # ----------------------------------------------------------------------------
@@ -104,6 +105,38 @@ class Errors:
     noise: float
     others: Alternatives
     ambiguous: list[Finding]
+
+
+AnyErrors = TypeVar("AnyErrors", bound=Errors)
+
+
+def error_of_mass(model: Model, parameters: Array, linear: Sequence[int], background: Sequence[str]) -> Array:
+    """Return the covariance (q, q) by the error of a mass that was held, for the forces of a test follow it.
+
+    The same motions have the forces of another mass, all linear values, and receptances over it. Parameters
+    (q,) are the values, those at the places ``linear`` in proportion to forces, the mass, the background.
+    """
+    count = len(parameters) - len(background) - 1
+    scaled = np.isin(np.arange(len(parameters)), [*linear, count])
+    scaled[count + 1 :] = [name.startswith(("b", "r")) for name in background]
+    held = model.weighed if "m" in model.fixed else None
+    moved = np.where(scaled, parameters, 0.0) * (0.0 if held is None else held[1] / held[0])
+    return np.outer(moved, moved)
+
+
+def with_mass_error(errors: AnyErrors, law: ForceLaw, model: Model, background: Sequence[str]) -> AnyErrors:
+    """Return errors with the ``error_of_mass``, which is then one of the values."""
+    if model.weighed is None or "m" not in model.fixed:
+        return errors
+    regression, whole, count = errors.regression, errors.with_background, len(law.parameters) + 1
+    more = error_of_mass(model, whole.parameters, law.linear, background)
+    own, free = more[:count, :count], regression.free | (np.arange(count) == count - 1)
+    return replace(
+        errors,
+        regression=replace(regression, covariance=regression.covariance + own, free=free),
+        of_law=errors.of_law + own,
+        with_background=replace(whole, covariance=whole.covariance + more),
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -468,7 +468,7 @@ class Identification(Printed):
         units = units_of(self.model, self.curve.units)
         return tuple(
             Estimate(name, value, 0.0, (value, value), units[name])
-            for name, value in self.model_given.fixed.items()
+            for name, value in self.model_given.exact.items()
         )
 
     _amplitude: ClassVar[str] = "amplitude"
