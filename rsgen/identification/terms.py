@@ -444,11 +444,11 @@ def largest_move(kept: Array, freed: Regression, names: Sequence[str]) -> dict[s
 
 
 def gain_of(other: Fit, own: Fit) -> float | None:
-    """Return by how much another fit lowers the sum of squares, in units of the noise.
+    """Return by how much another fit lowers the sum of squares, of what is known too, in units of the noise.
 
     None if it predicts not all points, or is worse beyond chance.
     """
-    cost, least = (float(np.sum(fit.regression.residual**2)) for fit in (other, own))
+    cost, least = other.regression.cost, own.regression.cost
     gain = (least - cost) / max(own.regression.sigma, 1e-300) ** 2
     good = other.regression.used.all() and not is_significant(max(-gain, 0.0) ** 0.5, 1.0)
     return gain if good else None

@@ -322,6 +322,9 @@ def test_a_mass_with_an_error_is_one_more_equation():
     assert mass_lines(asked)[0].startswith("m, given as 0.505 +- 0.005 kg, is with the test 0.499")
     assert not asked.fixed
     assert "moves" not in asked.outcome.numbers
+    # a symmetric law with a background fits as well where the mass allows what it moves, three of 0.3 g
+    assert asked["k1"].standard_error > 1000
+    assert rsgen.identify(two_sides(), TWO_SIDES, mass=0.5, mass_error=3e-4)["k1"].standard_error < 200
 
 
 def test_a_mass_with_an_error_is_between_one_that_is_exact_and_one_that_is_not_known():
