@@ -305,7 +305,8 @@ def _fit_values(modal: ModeProblem) -> Regression:
     descent = ErrorsInVariables(modal, modal.forward(mode.omega))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     start = np.concatenate([modal.solve()[0], modal.seen.background])
-    rules = Rules(free=modal.free, record=mode.record, noise=0.0).knowing(modal.coefficients, mode.weighed)
+    rules = Rules(free=modal.free, record=mode.record, noise=0.0)
+    rules = rules.knowing(modal.coefficients, mode.weighed, modal.mass)
     found = fit(descent.linearise, start, nuisance, rules, neighbours=mode.neighbours)
     if found.sigma > MISFIT_OF_NOISE:
         response = descent.predict(found.parameters, found.nuisance)

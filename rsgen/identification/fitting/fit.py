@@ -29,6 +29,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -389,7 +390,7 @@ def _shows_samples(found: Regression, forward: HarmonicBalance | MeasuredAcross,
 def _rules(problem: Problem, mode: Points, **control: Any) -> Rules:
     """Return the rules of a descent for what a problem knows of its parameters and points."""
     rules = Rules(frozen=problem.frozen, free=problem.free, record=mode.record, **{"noise": 0.0} | control)
-    return rules.knowing(problem.count - 1, problem.observed.points.weighed)
+    return rules.knowing(problem.count - 1, problem.observed.points.weighed, problem.fixed.get("m", nan))
 
 
 def linearise_extended(

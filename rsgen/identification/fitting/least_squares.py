@@ -216,9 +216,9 @@ class Rules:
     bounded_step: Callable[[Array, Array], Array] = np.add
     record: NDArray[np.intp] | None = None
 
-    def knowing(self, place: int, known: tuple[float, float] | None) -> Rules:
-        """Return the rules with the value and the standard error of a parameter, if they are known."""
-        if known is None or not np.broadcast_to(self.free, np.size(self.free))[place]:
+    def knowing(self, place: int, known: tuple[float, float] | None, held: float = np.nan) -> Rules:
+        """Return the rules with value and standard error of a parameter, if known and not ``held`` there."""
+        if known is None or held == known[0]:
             return self
         here = np.arange(np.size(self.free)) == place
         prior = np.where(here, 1 / known[1], 0.0 if self.prior is None else self.prior)

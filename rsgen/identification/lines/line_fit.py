@@ -121,7 +121,8 @@ class LineFit:
     @property
     def rules(self) -> Rules:
         """What is known of the parameters."""
-        return Rules(free=self.free).knowing(len(self.values), self.lines.weighed)
+        held = self.fixed.get("m", np.nan)
+        return Rules(free=self.free).knowing(len(self.values), self.lines.weighed, held)
 
     @cached_property
     def mode(self) -> SpectralLines:
