@@ -90,6 +90,7 @@ from rsgen.identification.results.estimates import (
     phase_findings,
     state_background,
     state_parameters,
+    units_known,
     with_mass_error,
 )
 from rsgen.identification.soundness import (
@@ -294,11 +295,10 @@ class Findings:
     def collect(self) -> tuple[Finding, ...]:
         """Return all findings, but for what others explain."""
         of_law, of_test, problem = self._of_law(), self._of_test(), self.fit.problem
+        codes = ("fixed-contradicted", "mass-negative")
         if any((f.code, f.severity) == ("harmonics-across-left-out", "doubt") for f in of_law):
             # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
-            given = problem.given
-            of_test = [f for f in of_test if f.code != "fixed-contradicted" or f.parameter not in given]
-        codes = ("fixed-contradicted", "mass-negative")
+            of_test = [f for f in of_test if not (f.code == codes[0] and f.parameter in problem.given)]
         wrong = {f.parameter for f in of_test if f.code in codes and f.parameter in problem.given}
         for name in wrong:
             follow = consequences(self.fit, name)
@@ -327,8 +327,7 @@ class Findings:
         found += resonance_findings(kept, self.model.fixed, law, self.estimates, fit.regression.rms_misfit)
         found += feeding_findings(self.points, fit, self.stated.of_law)
         sure = {e.name: e.standard_error for e in self.stated.of_law if e.identifiable}
-        error = np.array([sure.get(name, nan) for name in law.parameters])
-        found += joint_findings(fit, error)
+        found += joint_findings(fit, np.array([sure.get(name, nan) for name in law.parameters]))
         found += unseen_findings(fit, self.estimates)
         return [*found, *(() if self.background is None else self.background.findings)]
 
@@ -499,9 +498,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             points=len(surface),
             levels=len(np.unique(points.level)),
             moves=moves_with_mass(refined),
-            known=surface.origin == "simulated"
-            or model.weighed is not None
-            or any("N" in units[name] for name in model.fixed),
+            known=units_known(surface.origin, model, units),
         ),
         solution=refined.values,
         background=background,

@@ -275,10 +275,9 @@ def _few_points(fit: Fit) -> Problem:
 def _freed(problem: Problem, start: Array, name: str) -> Fit:
     """Fit with a given value free, from values that are near."""
     others = {other: value for other, value in problem.fixed.items() if other != name}
-    if name == "m":
-        problem = problem.unweighed
+    whole = problem.unweighed if name == "m" else problem
     # what no step could tell next to a wrong value may be told next to another one
-    return fit_near(replace(problem, fixed=others, frozen=()), start, order=START_HARMONICS)
+    return fit_near(replace(whole, fixed=others, frozen=()), start, order=START_HARMONICS)
 
 
 def consequences(fit: Fit, name: str) -> set[str]:
@@ -291,10 +290,9 @@ def consequences(fit: Fit, name: str) -> set[str]:
 
 
 def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Finding]:
-    """Find given values that the points contradict: another takes up the misfit, more than a term does, which
-    leaves ``left``, or is many standard errors of both from a mass that was weighed.
+    """Find given values that the points contradict: another leaves less misfit than a term (``left``) does.
 
-    The kilogram of a force per mass is no value that was given.
+    A weighed mass is compared with that of the points alone. The kilogram of a force per mass was not given.
     """
     weighed = fit.problem.observed.points.weighed
     if not (fit.problem.given and (weighed or fit.regression.rms_misfit > MISFIT_NEGLIGIBLE)):
@@ -314,10 +312,9 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
         gain = ((whole / best) ** 2 - 1) * free.freedom if best > 0 else np.inf
         moved = float(free.parameters[place]) - given
         times = abs(moved) / float(np.hypot(np.sqrt(free.covariance[place, place]), error))
-        far = abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given)
         # next to a wrong law, background or gain no other value leaves nothing but noise
-        noise = not (fit.shared or is_systematic(free.residual, problem.observed.points.pairs(free.used)))
-        far |= fit.systematic and noise
+        rest = fit.shared or is_systematic(free.residual, problem.observed.points.pairs(free.used))
+        far = abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given) or (fit.systematic and not rest)
         # a small change may move the stiffness of each side by much
         moves = {} if far else largest_move(kept.parameters, free, names)
         clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE and leaves <= left

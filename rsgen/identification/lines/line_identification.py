@@ -80,6 +80,7 @@ from rsgen.identification.results.estimates import (
     phase_findings,
     state_background,
     state_parameters,
+    units_known,
     with_mass_error,
 )
 from rsgen.identification.soundness import gain_findings, signs_along
@@ -216,9 +217,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
             excited=int((lines.used & part.excited()).sum()),
             records=len(part),
             levels=len(part.levels),
-            known=spectra.origin == "simulated"
-            or model.weighed is not None
-            or any("N" in units[name] for name in model.fixed),
+            known=units_known(spectra.origin, model, units),
         ),
         findings=tuple(findings),
         solution=fit.values,

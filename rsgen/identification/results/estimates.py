@@ -200,6 +200,11 @@ def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str,
     return quantities("m", amplitude=amplitude.max()) | quantities(level_unit, level=level.max())
 
 
+def units_known(origin: str, model: Model, units: Mapping[str, str]) -> bool:
+    """Return True if units are right, as of a simulation, or a given mass, force or stiffness checks them."""
+    return origin == "simulated" or bool(model.weighed) or any("N" in units[name] for name in model.fixed)
+
+
 def outcome_of(
     estimates: Sequence[Estimate],
     misfit: float,
@@ -212,7 +217,7 @@ def outcome_of(
 
     Of ``moves``, by how many per cent each value moves with one of the mass, the largest is told that is
     clearly more than one, and more than a standard error. Nothing checks the units of a test with a free mass
-    where they are not ``known``, as those of a simulation are, or where a force or stiffness was given.
+    where they are not ``known`` (``units_known``).
     """
     identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
     numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)

@@ -85,10 +85,7 @@ def table_of(estimates: Iterable[Estimate]) -> TextTable:
 
 
 def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
-    """Return what values owe to a mass in kg, given or, where units are not known (``outcome_of``), free.
-
-    ``rms`` where amplitudes are said to be.
-    """
+    """Return what values owe to a mass in kg, given or free; ``rms`` where amplitudes are said to be."""
     mass, weighed = found._estimates.get("m"), found.model_given.weighed
     known = weighed or "mass" in found.outcome.names
     if mass is None or mass.unit != "kg" or (mass.standard_error and not known):
@@ -108,13 +105,12 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
             f"{short(mass.value, 4)} kg shows a wrong ratio of force to response, as of one of them rms read "
             "as peak, or of a missing 2 pi"
         )
-    values = [] if rms else [one for one in found if one.identifiable]
-    changed = [f"{one.name} is {words}" for one in values if (words := off_if_rms(one.unit))]
+    off = [(one.name, words) for one in found if one.identifiable and (words := off_if_rms(one.unit))]
     common = (
         "m does not show a factor that force and response share: where both are rms but read as peak, "
-        f"{', '.join(changed)} (or the reverse), and linear values stay"
+        f"{', '.join(f'{name} is {words}' for name, words in off)} (or the reverse), and linear values stay"
     )
-    return [said, *[common] * bool(changed)]
+    return [said, *[common] * bool(off and not rms)]
 
 
 def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
