@@ -680,6 +680,11 @@ def test_a_free_decay_has_no_band_that_cuts_its_curves():
     assert np.nanmin(curve.amplitude) < np.nanmax(curve.amplitude) / 2
     (said,) = (sentence(one) for one in found.findings if one.code == "level-predicted")
     assert "not known" not in said
+    # its points were called tested from rest, next to the curve of one force; no level has a resonance
+    assert figures.draw_surface(table).caption.endswith("along free decays.")
+    assert "Points of a free decay lie on no line" in figures.draw_responses(table, prediction).caption
+    collapse = figures.draw_collapse(found).figure.axes[0]
+    assert "levels at resonance" not in collapse.get_legend_handles_labels()[1]
 
 
 def test_a_modal_table_of_held_amplitudes_predicts_one_force_a_level():

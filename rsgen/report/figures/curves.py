@@ -159,7 +159,8 @@ def draw_collapse(
         y = choose_scale(line if line.size else cloud, curve.units.of(unit))
         _draw_points(axes, place / wide, cloud / y.factor, curve.level / force.factor, norm)
         at, heights = levels[i]
-        axes.plot(at / wide, heights / y.factor, label="levels at resonance", **drawing.POINT)
+        name_of_levels = "levels at resonance" if at.size else None
+        axes.plot(at / wide, heights / y.factor, label=name_of_levels, **drawing.POINT)
         curve_name = "refined model" if differs else "describing function"
         _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, curve_name)
         drawn = [_range_shown(cloud) / y.factor, heights / y.factor, line / y.factor]

@@ -165,6 +165,11 @@ def _responses_caption(
             "Frequency responses at constant force: points read off the test, which held X, lines as "
             f"predicted by the refined model; {unstable}."
         )
+    if surface.decays:
+        return (
+            f"Frequency responses under one force, as predicted by the refined model; {unstable}. Points of "
+            "a free decay lie on no line: each has its own force, the one that would have held its motion."
+        )
     sweeps = [SWEEPS[name] for name in _MARKERS if np.any(shown.sweep == name)]
     symbols = {"from rest": "●", "sweep up": "▲", "sweep down": "▼"}
     caption = (
