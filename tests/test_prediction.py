@@ -25,7 +25,7 @@ from rsgen.describing.derivation import derive
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
 from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
-from rsgen.identification.prediction.resonance_curves import predict_shown
+from rsgen.identification.prediction.resonance_curves import predict_held_out, predict_shown
 from rsgen.identification.results.result import held_out_lines
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from tests.oracles.swept import sweep
@@ -581,6 +581,26 @@ def test_a_jump_frequency_and_the_largest_amplitude_have_the_interval_that_the_v
     assert prediction[level].jumps[1].in_words(" Hz", "in a sweep ") in sentence(said)
 
 
+@pytest.mark.parametrize(("way", "reaches"), [("up", False), ("down", True)])
+def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, reaches):
+    """The peak of a spring that softens was stated, which a sweep up, the only one tested, never meets."""
+    law, values = "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": -2e7, "c": 1.0}
+    soft, frequency = Oscillator(1.5, law, values), np.linspace(9, 11, 41)
+    table = simulate(soft, SimulatedTest([0.05, 0.1], frequency, sweep=way, method="harmonic-balance"))
+    found = identify(table, law, Observation(predict=[0.3]))
+    (said,) = (one for one in found.findings if one.code == "level-predicted")
+    assert ("swept" in said.numbers) is not reaches
+    own = simulate(soft, SimulatedTest([0.3], np.linspace(9.7, 9.94, 61), sweep=way))
+    assert said["amplitude" if reaches else "swept"] == pytest.approx(own.amplitude.max(), rel=0.01)
+    # from the branch of its peak, or to it
+    fell = own.frequency < 9.758 if reaches else own.frequency > 9.902
+    (led,) = (jump for jump in said.names["jumps"].split(", ") if f"sweep {way} (to " in jump)
+    size, unit = led.split("(to ")[1].rstrip(")").split()
+    assert float(size) * {"mm": 1e-3, "µm": 1e-6}[unit] == pytest.approx(own.amplitude[fell].max(), rel=0.02)
+    figure = figures.draw_responses(table, predict_shown(table, found))
+    assert f"highest {1e3 * np.nanmax(predict(found, [0.3])[0.3].amplitude):.4g} at" in figure.alternative
+
+
 def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reach():
     points = np.linspace(18.0, 20.0, 3)
     measured = np.full(3, 8e-4 + 0j)
@@ -646,6 +666,16 @@ def test_a_level_whose_force_changes_is_predicted_at_its_forces():
     table = noisy(ResponseSurface(test.level, test.frequency, force, motion, sweep=test.sweep), 3e-3, 1)
     found = identify(table, "k*x + c*v + k3*x**3", Observation(hold_out=[12.0]))
     prediction = predict_shown(table, found)
+    asked = replace(found.model, observation=replace(found.model.observation, predict=[20.0]))
+    stated = predict_held_out(replace(found, model=asked), table).findings
+    (fell,) = (one for one in stated if one.names.get("by") == "force")
+    run = table.select((table.level == 16.0) & table.settled)
+    near = run.amplitude > run.amplitude.max() / np.sqrt(2)
+    ratio = np.median(np.abs(run.force[near])) / np.median(np.abs(run.force[~near]))
+    assert 0.05 < fell["fell"] <= 1 - ratio <= fell["most"]
+    assert fell in predict(found, [20.0]).findings
+    # of tested levels and of those held out there are the measured forces
+    assert fell not in prediction.findings
     (held_out,) = prediction.held_out
     assert (held_out.changes, held_out.missing) == (True, 0)
     assert held_out.error < 0.02

@@ -5,9 +5,10 @@ The error of a prediction is |predicted - measured|/|measured|, in root mean squ
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf, nan
+from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,7 @@ from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import level_name, match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.prediction.branches import landing, largest_of, stable_within, swept_through
 from rsgen.identification.results import Identification
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
@@ -244,52 +246,53 @@ class HeldOutLevel(Brief):
         return level_name(self.level, self.level_unit, self.label)
 
 
-def _stable_within(curve: ResonanceCurve, band: tuple[float, float]) -> Array:
-    """Return frequency, amplitude and its interval (k, 4) of stable points in a band [Hz], with its ends."""
-    rows = np.stack([curve.frequency, curve.amplitude, curve.lower, curve.upper], axis=1)
-    parts = [rows[curve.stable & (rows[:, 0] >= band[0]) & (rows[:, 0] <= band[1])]]
-    for end in band:
-        beyond = rows[:, 0] - end
-        at = np.flatnonzero((beyond[:-1] * beyond[1:] < 0) & curve.stable[:-1] & curve.stable[1:])
-        share = (beyond[at] / (beyond[at] - beyond[at + 1]))[:, None]
-        parts.append((1 - share) * rows[at] + share * rows[at + 1])
-    return np.concatenate(parts)
+def largest_of_curve(
+    curve: ResonanceCurve, base: str, band: tuple[float, float], sweeps: Collection[str] = ()
+) -> Finding:
+    """State the largest amplitude of a curve, and in the tested band [Hz], its interval, and jumps.
 
-
-def largest_of_curve(curve: ResonanceCurve, base: str, band: tuple[float, float]) -> Finding:
-    """State the largest amplitude of a curve, and in the tested band [Hz], its interval, and jumps."""
+    First comes the largest that the tested ``sweeps`` reach in the band, where another branch has more.
+    """
     numbers = {"level": Quantity(curve.level, curve.level_unit)}
-    if len(curve.frequency):
+    along = np.stack([curve.frequency, curve.amplitude, curve.lower, curve.upper], axis=1)
+    rows = np.where(curve.stable[:, None], along, nan)
+    if len(rows):
         top = int(np.nanargmax(curve.amplitude))
         ends = curve.lower, curve.amplitude, curve.upper
         low, size, high = (float(of[top]) for of in ends)
         numbers |= quantities("Hz", at=float(curve.frequency[top]))
-        inside = _stable_within(curve, band)
+        inside = stable_within(rows, band)
         if len(inside) and not band[0] <= curve.frequency[top] <= band[1]:
-            place, most, least, largest = map(float, inside[np.argmax(inside[:, 1])])
-            numbers |= quantities("Hz", inside_at=place)
-            numbers |= quantities("m", inside=most)
-            numbers |= quantities("m", inside_low=least, inside_high=largest) if least < largest else {}
+            numbers |= largest_of(inside, "inside")
+        if len(inside) and len(sweeps) and {*sweeps} <= {"up", "down"}:
+            swept = np.concatenate([swept_through(rows, band, way) for way in sweeps])
+            numbers |= largest_of(swept, "swept") if swept[:, 1].max() * BEYOND < inside[:, 1].max() else {}
         if curve.rises_at_end:
             numbers |= quantities("m", reached=size)
         else:
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
-    jumps = ", ".join(jump.in_words(" Hz", "in a sweep ") for jump in curve.jumps)
+    leads = [landing(rows, jump.frequency, jump.amplitude) for jump in curve.jumps]
+    jumps = [jump.in_words(" Hz", "in a sweep ") for jump in curve.jumps]
     beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
     folds = "folds" if len(curve.frequency) and np.isnan(curve.multiplier).all() else ""
-    said = {"base": base, "jumps": jumps, "beyond": beyond, "stability": folds, **curve.lost}
+    said = {"base": base, "jumps": ", ".join(map(add, jumps, leads)), "beyond": beyond, "stability": folds}
+    said |= {"sweep": " or ".join(sweeps) if "swept" in numbers else "", **curve.lost}
     return Finding(
         "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
     )
+
+
+def _change_near(amplitude: Array, force: Array | ComplexArray) -> float:
+    """Return by how much the force of the points (n,) of a level is larger near its resonance, relative."""
+    near, size = amplitude >= HALF_POWER * np.max(amplitude), np.abs(force)
+    return float(np.median(size[near]) / np.median(size[~near]) - 1) if not near.all() else 0.0
 
 
 def force_changes(amplitude: Array, force: Array | ComplexArray) -> bool:
     """Return whether the force of the points (n,) of a level is another one near its resonance, as without
     control; the points lie on no curve of one force then, and the shaker decides on their stability, too.
     """
-    near, size = amplitude >= HALF_POWER * np.max(amplitude), np.abs(force)
-    away = np.median(size[~near]) if not near.all() else np.median(size)
-    return bool(abs(np.median(size[near]) - away) > HELD_OUT_ERROR_SMALL * away)
+    return abs(_change_near(amplitude, force)) > HELD_OUT_ERROR_SMALL
 
 
 def known_beyond(
@@ -350,18 +353,33 @@ def points_under(found: Identification, force: float) -> Points | None:
     return next(near, None)
 
 
-def named_otherwise(
-    found: Identification, curve: ResonanceCurve, test: ResponseSurface | None
+def levels_meant(
+    found: Identification,
+    curves: Sequence[ResonanceCurve],
+    test: ResponseSurface | None,
+    held_out: Sequence[HeldOutLevel] = (),
 ) -> list[Finding]:
-    """Find that a level asked for is name or label of a tested one that had another amount."""
-    amounts = {float(run.level[0]): force * curve.level / curve.force for run, force in _runs(found)}
-    if test is not None and test.label is not None:
-        amounts |= dict(zip(test.label.tolist(), test.level.tolist(), strict=True))
-    name = match_level(np.array([*amounts]), curve.level)
-    if name is None or curve.level_unit != found.curve.level_unit or points_under(found, curve.force):
-        return []
-    numbers = quantities(curve.level_unit, level=curve.level, tested=amounts[name])
-    return [Finding("level-predicted", "info", "", numbers, {"by": "name"})]
+    """Find levels asked for that are name or label of a tested one that had another amount, and, where some
+    were not tested, that the forces of tested ones fell near their resonances, without control of the shaker.
+    """
+    runs, findings = [*_runs(found)], list[Finding]()
+    new = [curve for curve in curves if not points_under(found, curve.force)]
+    for curve in new:
+        amounts = {float(run.level[0]): force * curve.level / curve.force for run, force in runs}
+        if test is not None and test.label is not None:
+            amounts |= dict(zip(test.label.tolist(), test.level.tolist(), strict=True))
+        name = match_level(np.array([*amounts]), curve.level)
+        if name is not None and curve.level_unit == found.curve.level_unit:
+            numbers = quantities(curve.level_unit, level=curve.level, tested=amounts[name])
+            findings.append(Finding("level-predicted", "info", "", numbers, {"by": "name"}))
+    held = np.array([item.force for item in held_out])
+    new = [one for one in new if not (np.abs(held / one.force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE).any()]
+    falls = [-_change_near(run.amplitude, run.force) for run, _ in sorted(runs, key=lambda pair: pair[1])]
+    if new and falls and falls[-1] > HELD_OUT_ERROR_SMALL:
+        numbers = quantities(fell=min(falls), **({"most": max(falls)} if len(falls) > 1 else {}))
+        by = {"by": "force"} | ({"base": "yes"} if found.curve.base else {})
+        findings.append(Finding("level-predicted", "info", "", numbers, by))
+    return findings
 
 
 def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:

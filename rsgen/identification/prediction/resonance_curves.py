@@ -55,9 +55,9 @@ from rsgen.identification.prediction.prediction_result import (
     held_by_label,
     known_beyond,
     largest_of_curve,
+    levels_meant,
     missed_findings,
     missing_findings,
-    named_otherwise,
     points_under,
     score_points,
 )
@@ -169,7 +169,7 @@ def predict(
     if curves and surface is not None and surface.base in ("displacement", "velocity"):
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out, fitted), *findings]
-    findings += [one for curve in curves for one in named_otherwise(found, curve, surface)]
+    findings += levels_meant(found, curves, surface, held_out)
     asked = band and window
     findings += records.findings
     return Prediction(curves, held_out, tuple(findings), records.records, asked, fitted, observed)
@@ -566,11 +566,10 @@ def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) 
         return []
     band = (0.0, inf) if getattr(test, "decays", False) else found.frequency_range
     one_force = test if isinstance(test, ResponseSurface) else None
-    return [
-        finding
-        for curve in predict(found, asked)
-        for finding in (largest_of_curve(curve, test.base, band), *named_otherwise(found, curve, one_force))
-    ]
+    sweeps = () if one_force is None or one_force.response_held else np.unique(one_force.sweep).tolist()
+    curves = predict(found, asked).curves
+    said = [largest_of_curve(curve, test.base, band, sweeps) for curve in curves]
+    return said + levels_meant(found, curves, one_force)
 
 
 def shown_levels(

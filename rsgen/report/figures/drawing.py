@@ -172,13 +172,18 @@ def _course(name: str, x: ArrayLike, y: ArrayLike) -> str:
 def in_numbers(figure: Figure) -> str:
     """Say what a figure shows, for readers who do not see it: the course of each line of its legends.
 
-    Of panels without a legend every line is said.
+    Of panels without a legend every line is said. Parts of a line are named as it is, after an underscore.
     """
     said = []
     for axes in figure.axes:
         lines = {line: str(line.get_label()) for line in axes.get_lines()}
         named = {line: label for line, label in lines.items() if not label.startswith("_")}
-        courses = [_course(label, *line.get_data()) for line, label in named.items()]
+        courses = [
+            _course(
+                label, *np.hstack([one.get_data() for one in lines if lines[one] in (label, f"_{label}")])
+            )
+            for label in dict.fromkeys(named.values())
+        ]
         courses = courses or [_course("line", *line.get_data()) for line in lines]
         if courses:
             over = " over ".join(filter(None, [axes.get_ylabel(), axes.get_xlabel()]))

@@ -53,16 +53,15 @@ def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
 def _draw_curve(
     axes: Axes, curve: ResonanceCurve, factor: float, colour: object, label: str | None = None
 ) -> None:
-    for run, stable in _runs(curve):
+    for part, (run, stable) in enumerate(_runs(curve)):
         axes.plot(
             curve.frequency[run],
             curve.amplitude[run] / factor,
             color=colour,
             ls="-" if stable else (0, (2.5, 1.8)),
             lw=1.1,
-            label=label,
+            label=f"_{label}" if part and label else label,
         )
-        label = None
 
 
 def _draw_predicted(axes: Axes, item: HeldOutLevel, factor: float, colour: object, label: str | None) -> None:
