@@ -68,7 +68,7 @@ from rsgen.identification.misfit import (
     unseen_findings,
     widen_squares,
 )
-from rsgen.identification.resonance import fit_resonances, resonance_findings
+from rsgen.identification.resonance import branch_findings, fit_resonances, resonance_findings
 from rsgen.identification.restoring_force import equivalent_curve, force_levels, invert_curve
 from rsgen.identification.results import (
     Background,
@@ -325,6 +325,7 @@ class Findings:
             found.append(Finding("nothing-identifiable", "doubt", "", numbers, given))
         kept = self.points.select(fit.regression.used)
         found += resonance_findings(kept, self.model.fixed, law, self.estimates, fit.regression.rms_misfit)
+        found += branch_findings(kept, fit, self.surface.level_unit)
         found += feeding_findings(self.points, fit, self.stated.of_law)
         sure = {e.name: e.standard_error for e in self.stated.of_law if e.identifiable}
         found += joint_findings(fit, np.array([sure.get(name, nan) for name in law.parameters]))

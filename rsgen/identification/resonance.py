@@ -18,15 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.finding import Finding, quantities
+from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.tolerances import MISFIT_EXPLAINED, RELATIVE_ERROR_DOUBTFUL, SAMPLES_PER_PERIOD
 from rsgen.data.free_mode import estimate_mass, steady
-from rsgen.identification.fitting.fit import Solution
+from rsgen.identification.fitting.fit import Fit, Solution
 from rsgen.identification.fitting.points import Points, at_resonance_alone, mass_sure
 from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO
 from rsgen.identification.results import Estimate, Resonance
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
-from rsgen.law.motion import sine_motion
+from rsgen.law.motion import harmonics_of, sine_motion
 from rsgen.law.numeric import ForceLaw
 
 _MIN_COSINE_OF_STEP = np.cos(np.pi / 5)
@@ -209,3 +210,32 @@ def resonance_findings(
     if mass_sure(mass.value, mass.standard_error**2):
         return ()
     return (Finding("mass-at-resonance", "doubt", "m", numbers),)
+
+
+def branch_findings(points: Points, fit: Fit, unit: str) -> list[Finding]:
+    """Find a sweep that jumps to a larger motion where, by the law, the smaller one goes on; none or one.
+
+    It goes on where motions between both need more than the force. ``unit`` is that of a level.
+    """
+    law, share = fit.problem.law, np.linspace(0, 1, 33)
+    if law.acts_across or fit.regression.rms_misfit > MISFIT_EXPLAINED:
+        return []
+    for run in reversed(points.runs):
+        way = str(points.sweep[run[0]])
+        order = run[::-1] if way == "down" else run
+        size, force = points.amplitude[order], np.abs(points.force[order])
+        rise = size[1:] / size[:-1]
+        at = int(np.argmax(rise)) if len(rise) else 0
+        here = slice(at + 1, at + 4)
+        held = np.ptp(force) < RELATIVE_ERROR_DOUBTFUL * force.max()
+        if way == "rest" or len(size[here]) < 3 or rise[at] < MIN_JUMP_RATIO or not held:
+            continue
+        sizes = (size[at] + np.outer(size[here] - size[at], share)).ravel()
+        sine = sine_motion(np.repeat(points.omega[order[here]], len(share)), sizes)
+        spring = harmonics_of(law.along(sine, fit.values, SAMPLES_PER_PERIOD).force, 2)[:, 1]
+        needed = np.abs(spring - fit.mass * sine.omega**2 * sizes).reshape(3, -1).max(axis=1)
+        if np.all(needed > (1 + RELATIVE_ERROR_DOUBTFUL) * force[here]):
+            numbers = {"level": Quantity(float(points.level[run[0]]), unit)}
+            numbers |= quantities("Hz", frequency=float(points.omega[order[at + 1]]) / (2 * np.pi))
+            return [Finding("direction-from-branch", "warning", "", numbers, {"by": "branch", "sweep": way})]
+    return []
