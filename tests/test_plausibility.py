@@ -233,6 +233,8 @@ def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
     assert not named(*right, force, motion)
     assert not named(*swapped, force.T, motion.T)
     assert named(*swapped, force, motion) == ["levels"]
+    one = ResponseSurface(np.ones(72), right[1], force.ravel(), motion.ravel(), control=control)
+    assert ["one" in found.names for found in level_findings(one)] == [True] * (control == "force")
     assert named(right[0], swapped[1], force, motion) == ["frequencies"]
     # three readings of each of 24 points of a level, at frequencies of its own, are no exchange
     readings = right[0], np.repeat(np.linspace(8, 12, 24), 3)

@@ -216,12 +216,14 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
     means = [float(np.mean(size[level == one])) for one in levels]
-    distinct = len(levels) < 2 or np.ptp(means) > np.log(LEVEL_TOLERANCE)
+    by_force = surface.control == "force"  # loops have motions that no held force has
+    distinct = np.ptp(means) > np.log(LEVEL_TOLERANCE) if len(levels) > 1 else not by_force
     if not distinct and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
         low, high = np.quantile(np.exp(size[level == levels[-1]]), [0.1, 0.9])
         numbers = quantities(unit, level=levels[-1], low=low, high=high)
-        yield Finding("levels-disagree", "doubt", "", numbers, names)
-    by_force = surface.control == "force"  # loops have motions that no held force has
+        yield Finding(
+            "levels-disagree", "doubt", "", numbers, names | ({} if len(levels) > 1 else {"one": "yes"})
+        )
     close = len(levels) > 1 and np.median(np.diff(levels) / levels[1:]) < RELATIVE_CHANGE_NEGLIGIBLE
     if 1 < len(levels) == len(rows) and (by_force or close):
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
