@@ -160,8 +160,8 @@ def build_result(
 
     "verdict" is a ``StatedVerdict``: what the result is worth, the findings that decided, and what to do
     about each; "passed" says of the tolerances alone whether every judged value is within, true without any.
-    "noise" is that of repeats or periods, else the misfit "relative", which of a law that does not fit is a
-    bound of the noise.
+    "noise" is that of repeats or periods, else the misfit "relative", which is a bound of the noise where it
+    has a pattern, as that of a wrong law or mass has.
 
     Parameters
     ----------

@@ -66,6 +66,8 @@ def test_a_mass_hardly_off_comes_first_where_another_leaves_noise(times, wrong):
     assert ("fixed-contradicted" in codes(asked)) == (not wrong)
     if not wrong:
         assert [one.code for one in asked.verdict.decided_by] == ["fixed-contradicted"]
+        assert ", misfit" in str(asked)
+        assert ", noise" not in str(asked)
         assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree"}
 
 

@@ -338,8 +338,8 @@ class Identification(Printed):
         The refined misfit, real and imaginary part together, relative to force and response [1]; by its
         degrees of freedom, as in ``outcome``.
     noise
-        Relative noise of force and response [1]: that of repeats or periods, else the misfit, which of a law
-        that does not fit is no noise but a bound of it.
+        Relative noise of force and response [1]: that of repeats or periods, else the misfit, which is a
+        bound of it where it has a pattern, as that of a wrong law or mass has.
     levels
         The fitted nominal levels [N], ascending; with response control the forces at the resonances.
     amplitude_range, frequency_range
@@ -501,8 +501,8 @@ class Identification(Printed):
         table = table_of((*self.refined, *background, *self.fixed))
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
-        # without repeats the noise is that of the misfit, unless this is the law's
-        unknown = self.noise == self.residual and any(one.code == "law-does-not-fit" for one in self.findings)
+        # without repeats the noise is that of the misfit, unless this has a pattern
+        unknown = self.noise == self.residual and self.fit is not None and self.fit.systematic
         tested = (
             f"{self._amplitude} {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
             f"{'' if unknown else f'noise {100 * self.noise:.2g} %, '}misfit {100 * self.residual:.2g} %"
