@@ -217,7 +217,7 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]), r"force: shape \(3,\)"),
-    (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), "one row a test point"),
+    (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), r"\(n,\), one row .*; ravel all arguments"),
     (
         lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))),
         "np.repeat the levels",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations
 from math import hypot, inf, isfinite, log, nan
 from typing import Any
 
@@ -498,13 +498,16 @@ class FitComparison(Printed):
         ]
 
     def __repr__(self) -> str:
-        """Return the table as text: where it is wider than a terminal a fit below the other."""
-        table, ends = self.table, [2, *range(3, 2 * len(self.fits) + 2, 2)]
-        rows = [table.heads, *table.rows]
-        if max(map(len, aligned(rows))) <= _COLUMNS:
+        """Return the table as text: where it is wider than a terminal each parameter with a line a fit."""
+        table = self.table
+        if max(map(len, aligned([table.heads, *table.rows]))) <= _COLUMNS:
             return str(table)
-        parts = ([(*row[:2], *row[i:j]) for row in rows if any(row[i:j])] for i, j in pairwise(ends))
-        return "\n".join([*(line for part in parts for line in aligned(part)), *table.notes])
+        lines = [("", "unit", "fit", "value", "shift")]
+        for name, unit, first, *others in table.rows:
+            cells = zip(self.fits, (first, *others[::2]), ("", *others[1::2]), strict=True)
+            told = [(fit.name, text, shift) for fit, text, shift in cells if text or shift]
+            lines += [((name, unit) if one is told[0] else ("", "")) + one for one in told]
+        return "\n".join([*aligned(lines), *table.notes])
 
     @property
     def table(self) -> TextTable:
@@ -541,8 +544,8 @@ def compare_fits(
     ----------
     found
         With different laws, backgrounds, fixed values, or of different tests; the first is the reference.
-        Those of multisines may be among them. A single one is compared with its ``alternatives``: of each
-        kind the one that widens the intervals most, to first order, with errors by noise alone.
+        Those of multisines may be among them. One without a list is compared with its ``alternatives``: of
+        each kind the one that widens the intervals most, to first order, with errors by noise alone.
     names
         One a fit, for the heads of the columns; None: 1, 2, ...
 

@@ -255,6 +255,9 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
     assert reasons_of(stated)[0] == stated["sentences"][0]
     assert reasons_of(stated)[1].startswith("What else is found may follow from that: ")
     assert steps_once(stated) == [next_step(said)]
+    # one step, though the forces contradict the levels, too
+    ordered = [Finding("levels-swapped", "doubt", numbers={"low_measured": low, "high_measured": high}), said]
+    assert len({next_step(one) for one in ordered}) == 1
 
 
 def test_two_levels_alone_accuse_each_other_of_nothing_that_curves_may_leave():

@@ -64,7 +64,9 @@ def column(values: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     ):
         expected = ", ".join("any" if size == -1 else str(size) for size in shape)
         expected += "," if len(shape) == 1 else ""
-        known = "" if name == "frequency" else ", as the frequency has them"
+        known = ", as the frequency has them"
+        if name == "frequency":
+            expected, known = "n,", "; ravel all arguments where all have this shape"
         if name in ("level", "frequency"):
             known += "; of a table np.repeat the levels, np.tile the frequencies and ravel the rest"
         raise RsgenError(

@@ -120,7 +120,7 @@ class LineFit:
 
     @property
     def rules(self) -> Rules:
-        """What is known of the parameters."""
+        """Return the prior knowledge of the parameters."""
         held = self.fixed.get("m", np.nan)
         return Rules(free=self.free).knowing(len(self.values), self.lines.weighed, held)
 
