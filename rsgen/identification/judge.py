@@ -352,8 +352,7 @@ class Findings:
             exchanged = [f.parameter for f in of_parameters if "mirror" in f.names]
             names = {"exchanged": " and ".join(exchanged)} if exchanged else {}
             found.append(Finding("not-converged", "doubt", names=names))
-        others = self.errors.others
-        found += misfit_findings(self.surface, self.points, self.fit, wider, others)
+        found += misfit_findings(self.surface, self.points, self.fit, wider, self.errors.others)
         found += even_findings(self.fit)
         found += self.errors.agreement.findings
         found += sign_findings(self.points, self.fit, wider, force_units(self.model, self.surface.units))

@@ -189,8 +189,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     held, unit = surface.response_held, surface.level_unit
     if surface.decays or not (held or unit == "N"):
         return
-    rows = _usable(surface)
-    level, size = surface.level[rows], surface.amplitude[rows]
+    level, size = surface.level[rows := _usable(surface)], surface.amplitude[rows]
     force, levels = size if held else np.abs(surface.force[rows]), np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
     names, off = {"by": "amplitude"} if held else {}, np.abs(np.log(size[level > 0] / level[level > 0]))
@@ -219,11 +218,10 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     by_force = surface.control == "force"  # loops have motions that no held force has
     distinct = np.ptp(means) > np.log(LEVEL_TOLERANCE) if len(levels) > 1 else not by_force
     if not distinct and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
-        low, high = np.quantile(np.exp(size[level == levels[-1]]), [0.1, 0.9])
-        numbers = quantities(unit, level=levels[-1], low=low, high=high)
-        yield Finding(
-            "levels-disagree", "doubt", "", numbers, names | ({} if len(levels) > 1 else {"one": "yes"})
-        )
+        ends = np.exp(np.quantile(size[level == levels[-1]], [0.1, 0.9]))
+        numbers = quantities(unit, level=levels[-1], low=ends[0], high=ends[1])
+        said = names if len(levels) > 1 else {**names, "one": "yes"}
+        yield Finding("levels-disagree", "doubt", "", numbers, said)
     close = len(levels) > 1 and np.median(np.diff(levels) / levels[1:]) < RELATIVE_CHANGE_NEGLIGIBLE
     if 1 < len(levels) == len(rows) and (by_force or close):
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)

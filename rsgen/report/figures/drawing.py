@@ -178,12 +178,10 @@ def in_numbers(figure: Figure) -> str:
     for axes in figure.axes:
         lines = {line: str(line.get_label()) for line in axes.get_lines()}
         named = {line: label for line, label in lines.items() if not label.startswith("_")}
-        courses = [
-            _course(
-                label, *np.hstack([one.get_data() for one in lines if lines[one] in (label, f"_{label}")])
-            )
-            for label in dict.fromkeys(named.values())
-        ]
+        courses = []
+        for label in dict.fromkeys(named.values()):
+            parts = [np.array(one.get_data()) for one in lines if lines[one] in (label, f"_{label}")]
+            courses.append(_course(label, *np.hstack(parts)))
         courses = courses or [_course("line", *line.get_data()) for line in lines]
         if courses:
             over = " over ".join(filter(None, [axes.get_ylabel(), axes.get_xlabel()]))
