@@ -601,6 +601,15 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     assert f"highest {1e3 * np.nanmax(predict(found, [0.3])[0.3].amplitude):.4g} at" in figure.alternative
 
 
+def test_a_fold_at_a_corner_of_the_law_has_no_interval():
+    """Between two points next to the contact a curve is no line: the fold is 0.1 Hz off, its band a mHz."""
+    known = as_identification(STOP, [1.0])
+    covariance = np.diag([(1e-3 * one.value) ** 2 for one in known.refined])
+    corner, smooth = predict(replace(known, covariance=covariance), [1.0], band=(15.0, 90.0))[1.0].jumps
+    assert np.isnan(corner.interval).all()
+    assert smooth.interval[0] < smooth.frequency < smooth.interval[1]
+
+
 def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reach():
     points = np.linspace(18.0, 20.0, 3)
     measured = np.full(3, 8e-4 + 0j)

@@ -127,19 +127,22 @@ class AmplitudeBalance:
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
         return np.asarray(interval_sigmas() * np.sqrt(np.maximum(variance, 0.0)))
 
-    def frequency_spread(self, spread: Array, size: Array, omega: Array, start: ComplexArray) -> Array:
+    def frequency_spread(
+        self, level: float, spread: Array, size: Array, omega: Array, start: ComplexArray
+    ) -> Array:
         """Return the half width (n,) of the 95 % band [rad/s] of the frequency of a fold at X (n,) [m].
 
         d|F|/dX = 0 there, so that |F|_omega d omega + |F|_p dp = 0 at the force of the level, wherever the
-        amplitude goes. NaN where the band is too wide for that. ``spread`` is that of the force [N], (n,),
-        ``start`` the harmonics (n, K+1) [m].
+        amplitude goes. NaN where the band is too wide for that, or a corner of the law moves the fold off the
+        line between two points: by more than a tenth of the ``spread`` of the force [N], (n,).
         """
         if not len(size):
             return size
         step = 100 * _FREQUENCY_TOLERANCE * omega
-        low, high = (np.abs(self.solve(size, omega + by, start).force) for by in (-step, step))
-        slope = np.maximum(np.abs(high - low) / (2 * step), 1e-300)
-        return np.where(spread <= MAX_LINEAR_CHANGE * omega * slope, spread / slope, np.nan)
+        low, at, high = (np.abs(self.solve(size, omega + by, start).force) for by in (-step, 0, step))
+        half = spread / np.maximum(np.abs(high - low) / (2 * step), 1e-300)
+        known = (half <= MAX_LINEAR_CHANGE * omega) & ((10 * np.abs(at - level) <= spread) | (spread == 0))
+        return np.where(known, half, np.nan)
 
     def multiplier(self, at: Response, omega: Array) -> ComplexArray:
         """Return ``decisive_multiplier`` (n,); NaN with memory, and with jumps, where disturbances jump."""

@@ -417,7 +417,7 @@ def _curve(
         folded, height, inner, across = (
             value[turn] + share * (value[turn + 1] - value[turn]) for value in (omega, seen, size, band)
         )
-        half = balance.frequency_spread(across, inner, folded, at.harmonics[turn])
+        half = balance.frequency_spread(force, across, inner, folded, at.harmonics[turn])
         folds += np.stack([folded / (2 * np.pi), height, half / (2 * np.pi)], axis=1).tolist()
         values = (
             *(omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size),
