@@ -641,6 +641,12 @@ def test_a_level_has_one_name(label, name):
     of_nominal = figures.draw_responses(table, predict(found, [3.8, 4.0])).figure.axes[0]
     assert of_nominal.get_legend_handles_labels()[1] == [f"{name} at 3.8 N", "4 N, held constant"]
     assert figures.draw_held_out(prediction).figure.axes[0].get_title("left").startswith(f"F = {name}")
+    scores = [replace(held_out, error=error, misfit=0.01) for error in (0.015, 0.04, 0.06)]
+    words = [
+        ("as good as the fit" in line, "small, as below 5 %" in line) for line in held_out_lines(scores, True)
+    ]
+    assert words == [(True, False), (False, True), (False, False)]
+    assert not any("small" in line for line in held_out_lines(scores))
     (missed,) = missed_findings((replace(held_out, error=0.3, misfit=0.01),))
     assert f"level {name} (sweep rest) is predicted" in sentence(missed)
 

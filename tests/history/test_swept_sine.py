@@ -290,6 +290,14 @@ def test_a_point_that_is_not_used_says_why() -> None:
         (finding,) = (found for found in surface.findings if found.names.get("by") == reason)
         assert finding["excluded"] == np.count_nonzero(surface.outcome == outcome) > 0
     assert surface.frequency[surface.outcome == Outcome.DROPPED_OUT] == pytest.approx(9.4, abs=0.05)
+    # a single point is no range "between 9.3994 and 9.3994 Hz"
+    shorter = np.abs(np.arange(len(clean)) / clean.rate - 10) < 0.7
+    surface = from_swept_sine(
+        TimeHistory(clean.rate, clean.force, np.where(shorter, 0, clean.response), label="8 N")
+    )
+    (finding,) = (found for found in surface.findings if found.names.get("by") == "drop-out")
+    (at,) = surface.frequency[surface.outcome == Outcome.DROPPED_OUT]
+    assert ("low" in finding.numbers, finding.names["where"]) == (False, f"8 N at {at:.5g} Hz")
 
 
 def test_a_law_of_one_mode_is_rejected_with_another_mode_in_the_band() -> None:

@@ -463,6 +463,11 @@ def excluded_points(parts: list[SweptPoints], marked: NDArray[np.bool_], reason:
         return []
     frequency = np.concatenate([part.drive for part in parts])[marked]
     numbers = quantities(excluded=float(np.count_nonzero(marked)), points=len(marked))
-    numbers |= quantities("Hz", low=frequency.min(), high=frequency.max())
+    names = {"by": reason}
+    if len(frequency) == 1:
+        records = np.repeat([part.label for part in parts], [len(part) for part in parts])
+        names["where"] = f"{records[marked][0]} at {frequency[0]:.5g} Hz"
+    else:
+        numbers |= quantities("Hz", low=frequency.min(), high=frequency.max())
     severity: Severity = "doubt" if np.mean(marked) > _MAX_SHARE_FOR_ONE_REASON else "info"
-    return [Finding("points-excluded", severity, "", numbers, {"by": reason})]
+    return [Finding("points-excluded", severity, "", numbers, names)]

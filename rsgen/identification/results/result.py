@@ -15,7 +15,12 @@ from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Verdict, printed_findings, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
-from rsgen.common.tolerances import CONFIDENCE_TEXT, MAX_ERROR_TO_MISFIT, MISFIT_NEGLIGIBLE
+from rsgen.common.tolerances import (
+    CONFIDENCE_TEXT,
+    HELD_OUT_ERROR_SMALL,
+    MAX_ERROR_TO_MISFIT,
+    MISFIT_NEGLIGIBLE,
+)
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
@@ -114,35 +119,28 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
 
 
 def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
-    """Return a line for each held-out level or record: its error relative to the measured response.
-
-    What is as good as the fit is called so only next to a ``usable`` verdict.
-    """
-    return [
-        f"held out {one.name}"
-        + (f", {one.sweep}" if getattr(one, "sweep", "rest") != "rest" else "")
-        + f": predicted with an error of {100 * one.error:.2g} %"
-        + (f", {one.missing} of {len(one.frequency)} points not nearly" if getattr(one, "missing", 0) else "")
-        + _scale_of_error(one, usable)
-        for one in held_out
-    ]
-
-
-def _scale_of_error(one: Any, usable: bool) -> str:
-    """Compare the error of a level, and say where it is largest; nothing of exact data, or of a record."""
-    if not (size := size_of_error(one, usable)):
-        return ""
-    largest = f"{100 * one.largest_error:.2g} % of the root mean square at {one.largest_at:.5g} Hz"
-    return f", at most {largest}; {size}"
+    """Return a line on the error of each held-out level or record; good ones are called so if ``usable``."""
+    lines = list[str]()
+    for one in held_out:
+        line = f"held out {one.name}" + (f", {one.sweep}" if getattr(one, "sweep", "rest") != "rest" else "")
+        line += f": predicted with an error of {100 * one.error:.2g} %"
+        if getattr(one, "missing", 0):
+            line += f", {one.missing} of {len(one.frequency)} points not nearly"
+        if size := size_of_error(one, usable):
+            line += f", at most {100 * one.largest_error:.2g} % of the root mean square"
+            line += f" at {one.largest_at:.5g} Hz; {size}"
+        lines.append(line)
+    return lines
 
 
 def size_of_error(one: Any, usable: bool) -> str:
     """Compare the error of a held-out level with the misfit; "" where there is none to speak of."""
     if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
         return ""
-    good = usable and one.error <= MAX_ERROR_TO_MISFIT * one.misfit
-    ratio = f"{one.error / one.misfit:.2g} times the misfit of the fitted levels"
-    return ratio + ": as good as the fit" * good
+    ratio = one.error / one.misfit
+    small = f": small, as below {100 * HELD_OUT_ERROR_SMALL:g} %" * (one.error <= HELD_OUT_ERROR_SMALL)
+    good = ": as good as the fit" if ratio <= MAX_ERROR_TO_MISFIT else small
+    return f"{ratio:.2g} times the misfit of the fitted levels" + good * usable
 
 
 @dataclass(frozen=True, slots=True)
