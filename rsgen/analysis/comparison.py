@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import hypot, inf, isfinite, log, nan
@@ -16,12 +16,14 @@ from rsgen.common.finding import Finding, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, aligned, lookup, short, with_error
 from rsgen.common.tolerances import CONFIDENCE_TEXT, MISFIT_NEGLIGIBLE, ROUND_OFF, interval_sigmas
 from rsgen.data.oscillator import Oscillator
+from rsgen.formula.printing import write
+from rsgen.formula.reading import parse
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Estimate, Identification
 from rsgen.identification.results.alternatives import Alternative
 from rsgen.law.memory import force_keys
 from rsgen.law.motion import sine_motion
-from rsgen.law.numeric import compile_law, in_order
+from rsgen.law.numeric import compile_law, in_order, mirror_image
 
 _FORCE_POINTS = 401
 
@@ -309,6 +311,8 @@ class ComparedFit:
         Relative error of the predicted response [1] by level and sweep, the largest of several records.
     significance
         Root of the gain of an alternative, in standard errors of the noise; NaN of an identification.
+    law
+        The force whose mirror image fits as well, "" where the test shows the direction.
     """
 
     name: str
@@ -318,6 +322,7 @@ class ComparedFit:
     misfit: float
     held_out: Mapping[str, float]
     significance: float = nan
+    law: str = ""
 
     @classmethod
     def of(cls, found: Identification, name: str) -> ComparedFit:
@@ -325,7 +330,19 @@ class ComparedFit:
         background = () if found.background is None else found.background.estimates
         scores = [(one.level, one.level_unit, getattr(one, "sweep", ""), one.error) for one in found.held_out]
         estimates = (*found.refined, *found.fixed)
-        return cls(name, estimates, background, found.verdict, found.residual, errors_by_level(scores))
+        errors, law = errors_by_level(scores), mirrored_law(write(found.model.force), found.findings)
+        return cls(name, estimates, background, found.verdict, found.residual, errors, law=law)
+
+    def mirrored(self, names: Collection[str]) -> ComparedFit:
+        """Return this fit with the values of the mirror image of its law; ``names`` are what differs."""
+        images = mirror_image(parse(self.law), names) if self.law else {}
+        known, mirrored = {one.name: one for one in self.estimates}, list[Estimate]()
+        for own in self.estimates:
+            source, sign = images.get(own.name, (own.name, 1.0))
+            one = known.get(source, own)
+            low, high = sorted(sign * end for end in one.interval)
+            mirrored.append(replace(one, name=own.name, value=sign * one.value, interval=(low, high)))
+        return replace(self, estimates=tuple(mirrored))
 
     def bic(self, numbers: int) -> float:
         """Return the BIC of n numbers, n ln(s^2 (1 - q/n)) + q ln n with q free values and the misfit s."""
@@ -351,6 +368,11 @@ class ComparedFit:
 
         estimates = tuple(map(shift, self.estimates))
         return ComparedFit(name, estimates, (), Verdict("not judged"), nan, {}, significance)
+
+
+def mirrored_law(law: str, findings: Iterable[Finding]) -> str:
+    """Return the law where findings say that its mirror image fits as well, else ""."""
+    return law if any(f.code == "mirror-image-fits" and "side" not in f.names for f in findings) else ""
 
 
 def errors_by_level(scores: Iterable[tuple[float, str, str, float]]) -> dict[str, float]:
@@ -415,6 +437,12 @@ def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
     return max(low, lower) - min(high, upper) > ROUND_OFF * abs(first.value)
 
 
+def _differences(first: ComparedFit, second: ComparedFit) -> dict[str, float]:
+    """Return the size of the shift of each value of which the intervals are disjoint."""
+    rows = [(row.name, *row.estimates) for row in _rows([first.estimates, second.estimates])]
+    return {name: abs(_shift(one, other)) for name, one, other in rows if _disjoint(one, other)}
+
+
 _COLUMNS = 80
 """Of a terminal."""
 
@@ -449,19 +477,23 @@ class FitComparison(Printed):
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The finding "results-disagree" where two results are usable, and intervals of theirs disjoint."""
-        differing = [
-            (abs(_shift(one, two)), row.name, first.name, second.name)
-            for row in self.rows
-            for (first, one), (second, two) in combinations(zip(self.fits, row.estimates, strict=True), 2)
-            if first.verdict.usable and second.verdict.usable and _disjoint(one, two)
-        ]
+        """The finding "results-disagree" where two results are usable, and intervals of theirs disjoint.
+
+        Of mirror images of one law, where no test shows the direction, it is the remark "mirror-image-fits".
+        """
+        differing, images = list[tuple[float, str, str, str]](), list[Finding]()
+        for first, second in combinations((fit for fit in self.fits if fit.verdict.usable), 2):
+            found, names = _differences(first, second), {"first": first.name, "second": second.name}
+            if found and first.law == second.law and not _differences(first.mirrored(found), second):
+                images.append(Finding("mirror-image-fits", "info", names=names))
+            else:
+                differing += [(shift, name, first.name, second.name) for name, shift in found.items()]
         if not differing:
-            return ()
+            return tuple(images)
         shift, _, first, second = max(differing)
         names = {"values": ", ".join(dict.fromkeys(name for _, name, _, _ in differing))}
         names |= {"first": first, "second": second}
-        return (Finding("results-disagree", "doubt", numbers=quantities(shift=shift), names=names),)
+        return (Finding("results-disagree", "doubt", numbers=quantities(shift=shift), names=names), *images)
 
     def __getitem__(self, name: str) -> FitRow:
         """First row of a parameter, of the mass ("m") or of the background.

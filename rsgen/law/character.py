@@ -513,14 +513,17 @@ def is_mirrored(
     return True
 
 
-def mirror_exchanges(force: sympy.Expr, one: sympy.Symbol, other: sympy.Symbol) -> bool:
+def mirror_exchanges(
+    force: sympy.Expr, one: sympy.Symbol, other: sympy.Symbol, *further: sympy.Symbol
+) -> bool:
     """Decide whether the mirror image of a law without a memory is the law with two parameters exchanged.
 
-    That is where the sum of both laws is odd, and their difference even.
+    That is where the sum of both laws is odd, and their difference even. Two ``further`` ones are exchanged
+    with them, as the stiffnesses of two stops with their gaps.
     """
     moving = (symbol("x"), symbol("v"))
     parameters = sorted(force.free_symbols - {*moving}, key=str)
-    exchanged = force.xreplace({one: other, other: one})
+    exchanged = force.xreplace(dict(zip((one, other, *further), (other, one, *further[::-1]), strict=True)))
     return all(
         is_mirrored(both, moving, parameters, sign)
         for both, sign in ((force + exchanged, -1.0), (force - exchanged, 1.0))

@@ -25,7 +25,7 @@ from rsgen.formula.bounds import algebra_faults
 from rsgen.formula.names import symbol
 from rsgen.formula.unit_deduction import parameter_units
 from rsgen.formula.unit_text import read_unit
-from rsgen.law.character import Character, character
+from rsgen.law.character import Character, character, mirror_exchanges
 from rsgen.law.forms import STATES
 from rsgen.law.memory import from_rest, memory_form
 from rsgen.law.normal_form import ForceSample, SwitchedSum, switched_sum
@@ -389,3 +389,29 @@ def put_in_order(law: ForceLaw, values: Array, fixed: Collection[str] = ()) -> A
     named = dict(zip(law.parameters, values, strict=True))
     ordered = in_order(law.expression, {name: named[name] for name in named if name not in fixed})
     return law.ordered({**named, **ordered})
+
+
+def mirror_image(force: sympy.Expr, names: Collection[str]) -> dict[str, tuple[str, float]]:
+    """Return the parameter, and its sign, whose value each one has in the mirror image -n(-x, -v) of a law.
+
+    Even terms have the other sign; or those of two or four ``names`` are exchanged, as the gaps of stops on
+    both sides. Empty where neither is so, and of a law that is its own mirror image.
+
+    Examples
+    --------
+    >>> from rsgen.formula.reading import parse
+    >>> mirror_image(parse("k1*Max(x, 0) + k2*Min(x, 0)"), ("k1", "k2"))
+    {'k1': ('k2', 1.0), 'k2': ('k1', 1.0)}
+    """
+    law = compile_law(force)
+    if law.mirrored and not law.odd:
+        return {law.parameters[i]: (law.parameters[i], -1.0) for i in law.even}
+    if law.remembers or len(names) not in (2, 4) or not {*names} <= {*law.parameters}:
+        return {}
+    first, *others = sorted(names)
+    for other in others:
+        swapped = first, other, *(name for name in others if name != other)
+        if mirror_exchanges(force, *map(symbol, swapped)):
+            images = (*swapped[1::-1], *swapped[:1:-1])
+            return {name: (image, 1.0) for name, image in zip(swapped, images, strict=True)}
+    return {}

@@ -21,6 +21,7 @@ from rsgen.analysis.comparison import (
     all_findings,
     compare_fits,
     errors_by_level,
+    mirrored_law,
     verdict_of,
 )
 from rsgen.common.arrays import Array
@@ -438,6 +439,11 @@ class Entry:
         """The verdict on the result; of an older result, as its findings and rows say."""
         return read_verdict(self.result)
 
+    @property
+    def law(self) -> str:
+        """The force of all elements."""
+        return " + ".join(str(element["force"]) for element in self.result.get("elements", []))
+
     def fit(self, name: str = "") -> ComparedFit:
         """Return the result as ``compare_fits`` takes an identification."""
         fixed, background = self.result.get("fixed", {}), self.result.get("background") or {}
@@ -464,6 +470,7 @@ class Entry:
             Verdict(self.verdict["state"], decided),
             _number(self.result["residual"]["relative"]),
             errors_by_level(scores),
+            law=mirrored_law(self.law, map(Finding.from_dict, self.result.get("findings", []))),
         )
 
 

@@ -10,6 +10,7 @@ from rsgen.data.surface.response_surface import ResponseSurface, without_offset
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.formula.names import symbol
 from rsgen.law.character import mirror_exchanges
+from rsgen.law.numeric import mirror_image
 from rsgen.report.sentences import next_step, sentence
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, codes, distances, errors, noisy, without_phase
@@ -137,6 +138,17 @@ def test_a_stop_without_a_gap_is_found_though_its_fundamental_is_that_of_a_sprin
     found = identify(ResponseSurface(made.level, made.frequency, made.force, made.harmonics[:, 1]), law)
     assert found.residual < 0.01
     assert found["kg"].value == pytest.approx(values["kg"], rel=0.1)
+
+
+@pytest.mark.parametrize(("law", "images"), [
+    ("k1*Max(x - b1, 0) + k2*Min(x + b2, 0) + c*v", {"b1": "b2", "b2": "b1", "k1": "k2", "k2": "k1"}),
+    ("k1*Max(x - b1, 0) + k2*Max(x + b2, 0) + c*v", {}),
+    ("k1*x + k2*x**2 + b1*v + b2*x**2", {"k2": "k2", "b2": "b2"}),
+])  # fmt: skip
+def test_a_mirror_image_exchanges_pairs_of_parameters_or_their_signs(law, images):
+    found = mirror_image(make_element("all", law).force, ("k2", "b1", "k1", "b2"))
+    assert {name: other for name, (other, _) in found.items()} == images
+    assert {sign for _, sign in found.values()} <= {-1.0 if "**" in law else 1.0}
 
 
 @pytest.mark.parametrize(("law", "exchanged"), [

@@ -71,6 +71,33 @@ def test_of_two_laws_on_one_test_the_better_one_is_named(tmp_path, run_cli):
     assert "BIC" not in run_cli("diff", first, law("d", "k4*x", 0.02, test=1.1)).out
 
 
+@pytest.mark.parametrize(("code", "even"), [
+    ("mirror-image-fits", False), ("mirror-image-fits", True), ("not-recorded", False)
+])  # fmt: skip
+def test_mirror_images_of_one_law_are_the_same_but_for_the_direction(tmp_path, run_cli, code, even):
+    """The sides of a spring that fundamentals do not tell made two runs contradict each other."""
+    places = [written(tmp_path / side, tolerance=None) for side in "ab"]
+    for place in places:
+        result = json.loads((place / "result.json").read_text(encoding="utf-8"))
+        law = "k1*x + kn1*x**2" if even else "k1*Max(x, 0) + kn1*Min(x, 0)"
+        result["elements"] = [{"name": "spring", "force": law}]
+        result["findings"] = [{"code": code, "severity": "info", "parameter": "", "numbers": {}, "names": {}}]
+        rows = {row["name"]: row for row in result["parameters"]}
+        stiff, other = rows["k1"]["refined"], rows["kn1"]["refined"]
+        if place == places[1] and even:
+            other["value"] *= -1
+            other["interval"] = [-end for end in other["interval"][::-1]]
+        elif place == places[1]:
+            rows["k1"]["refined"], rows["kn1"]["refined"] = other, stiff
+        (place / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    (finding,) = compare_results(*places)[0].findings
+    same = code == "mirror-image-fits"
+    assert finding.code == (code if same else "results-disagree")
+    told = run_cli("diff", *places)
+    assert told.code == (0 if same else 1)
+    assert ("are one law but for the direction of x" in " ".join(told.out.split())) == same
+
+
 def test_three_results_stand_side_by_side(tmp_path, run_cli):
     places = [
         written(tmp_path / side, tolerance=None, k1=by) for side, by in zip("abc", (0, 0, 0.1), strict=True)

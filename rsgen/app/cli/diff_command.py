@@ -37,7 +37,7 @@ def compare_results(*places: str | Path) -> tuple[FitComparison, tuple[str, ...]
         if entry is None:
             raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case>")
         fits.append(entry.fit(str(place)))
-        laws.append(" + ".join(str(element["force"]) for element in entry.result.get("elements", [])))
+        laws.append(entry.law)
     return FitComparison(tuple(fits)), tuple(dict.fromkeys(laws))
 
 
@@ -69,7 +69,7 @@ def say_preferred(*places: str | Path) -> str:
 def is_worse(fits: FitComparison) -> bool:
     """Return True if a verdict is graver than the first, which identified is not, or results disagree."""
     first, *others = [max(STATES.index(fit.verdict.state), 1) for fit in fits.fits]
-    return bool(fits.findings) or max(others) > first
+    return any(finding.severity == "doubt" for finding in fits.findings) or max(others) > first
 
 
 def diff_command(
