@@ -225,13 +225,19 @@ def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, fou
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stiffer", "rest", "levels", "told"), [
-    (1.7, -4e-4, (0.3, 0.8), True),
-    # half of the stiffness on both sides fits as well
-    (0.5, -7e-4, (0.3, 1.0), False),
+@pytest.mark.parametrize(("stiffer", "rest", "levels", "noise", "doubt"), [
+    (1.7, -4e-4, (0.3, 0.8), 1e-3, ""),
+    # half of the stiffness on both sides fits as well, along its own motion
+    (1.7, -4e-4, (0.3, 0.8), 7e-3, "mirror-image-fits"),
+    (0.5, -7e-4, (0.3, 1.0), 5e-3, "even-terms-not-seen"),
+    # a few points reach the stop, a thirtieth of the motion beyond it: its place and stiffness are confounded
+    (1.2, -7e-4, (0.3, 0.71), 3e-3, "law-unconfirmed"),
 ])  # fmt: skip
-def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, told) -> None:
-    """A dead zone stood first and was identified: the search began where the stop moves the mean most."""
+def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, noise, doubt) -> None:
+    """A dead zone stood first and was identified: the search began where the stop moves the mean most.
+
+    Or polynomials did, of which BIC was thousands higher.
+    """
     k, m, c = 6e3, 1.5, 1.9
     oscillator = rsgen.Oscillator(
         m, "k*x + c*v + kg*Max(x - b, 0)", {"k": k, "c": c, "kg": stiffer * k, "b": rest}
@@ -239,19 +245,25 @@ def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, to
     natural = np.sqrt(k / m) / (2 * np.pi)
     grid = natural * np.linspace(0.8, 1.2 * np.sqrt(1 + stiffer), 50)
     forces = [level * 1e-3 * c * 2 * np.pi * natural for level in levels]
-    plan = rsgen.SimulatedTest(forces, grid, harmonics=1, noise_relative=7e-3 if told else 5e-3, seed=2)
+    plan = rsgen.SimulatedTest(forces, grid, harmonics=1, noise_relative=noise, seed=2)
     table = rsgen.simulate(oscillator, plan)
     table = changed(table, harmonics=table.harmonics * [np.nan, 1])
     names = ("one-sided-stop", "two-sided-stop", "dead-zone", "cubic-spring", "quadratic-spring")
     ranking = rank(table, [laws[name] for name in names])
     best = ranking.candidates[0]
+    doubts = {f.code: f.names.get("other") for f in ranking.findings if f.severity == "doubt"}
+    assert ranking.verdict.state == ("doubtful" if doubt else "identified")
+    assert doubts.keys() >= {doubt} - {""}
+    if doubt == "law-unconfirmed":
+        assert best.name in {"one-sided-stop", "dead-zone"}
+        return
+    assert doubts == ({doubt: "dead-zone" if doubt == "even-terms-not-seen" else None} if doubt else {})
     assert best.name == "one-sided-stop"
     # from its place of rest it opens, and loses its stiffness
     assert best.values["k_"] == pytest.approx(-stiffer * k, rel=0.05)
     assert best.values["b"] == pytest.approx(-rest / (1 + stiffer), rel=0.01)
-    doubts = [(f.code, f.names["other"]) for f in ranking.findings if f.severity == "doubt"]
-    assert doubts == ([] if told else [("even-terms-not-seen", "dead-zone")])
-    assert ranking.verdict.state == ("identified" if told else "doubtful")
+    # said once
+    assert [f.names.get("side") for f in ranking.best.findings].count("both") == bool(doubt)
 
 
 @pytest.mark.slow

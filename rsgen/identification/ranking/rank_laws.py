@@ -23,6 +23,7 @@ import numpy as np
 from rsgen.common.errors import RsgenError, known_arguments, listed, require
 from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
+    MIN_SIGNIFICANT_GAIN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     NOISE_RATIO_BY_CHANCE,
@@ -57,6 +58,7 @@ from rsgen.identification.ranking.ranking_result import (
     name_powers,
     order_candidates,
     symmetry_doubts,
+    undetermined_values,
     values_of_same,
 )
 from rsgen.identification.ranking.records import RecordTest
@@ -358,12 +360,9 @@ def _settle_best(
                 for i in fed:
                     bic[i] = error[i] = inf
                 continue
-        # fundamentals determine an even force and a cubic one together, neither by itself
-        together = last.test.first.odd_alone and best.candidate.law.even
-        undetermined = [
-            one.name for one in found if one.finding and not (together and one.finding.code != "no-effect")
-        ]
         before = bic[number]
+        near = [fit for i, fit in enumerate(candidates) if bic[i] - before < MIN_SIGNIFICANT_GAIN]
+        undetermined, unknown = undetermined_values(found, best, near, last.test.first)
         within = {one.name: one.interval for one in found}
         whole = [(name, n) for name, n in whole_powers(best) if within[name][0] <= n <= within[name][1]]
         less = [lacks(fit, best, undetermined, whole) for fit in candidates]
@@ -374,8 +373,8 @@ def _settle_best(
             own_bic = before + float(np.square(own_misfit / misfit) - 1.0) * best.chi_squared
             raised, parameters = max((raised, parameters), (own_bic, count[number]))
         if raised <= before or len(identified) > _LEADERS:
-            if raised > before and undetermined:
-                fault = RsgenError(f"the test does not determine {listed(undetermined)}")
+            if unknown := undetermined if raised > before else unknown:
+                fault = RsgenError(f"the test does not determine {listed(unknown)}")
             break
         for i, fit in enumerate(candidates):
             if fit is best or (before - bic[i] < STRONG_EVIDENCE and lacks(best, fit, fit.candidate.values)):
@@ -426,7 +425,7 @@ def _ranking(
     if fault is not None:
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
-    doubts += symmetry_doubts(current, ordered, rows)
+    doubts += symmetry_doubts(current, ordered, rows, found)
     assessment = assess_best(current, best, rows, doubts)
     findings = name_powers(assessment.findings, ordered, rows)
     findings += (test.left_out,) if test.left_out else ()

@@ -183,7 +183,9 @@ class Ranking(Printed):
             against = (*self.verdict.decided_by, *tied) if self.fits else self.findings
             # what the ranking says is missing its best law does not say again
             missing = {f.code for f in against} & {"background-missing", "even-force-missing"}
-            kept = (f for f in found.findings if f.code not in missing)
+            # nor what it doubts, where the law by itself is only warned of it
+            doubled = [replace(f, severity="warning") for f in against if f.code == "mirror-image-fits"]
+            kept = (f for f in found.findings if f.code not in missing and f not in doubled)
             if "background-missing" in missing:
                 kept = (f for f in kept if not _of_background(f))
             found = changed(found, findings=tuple(kept))
@@ -468,12 +470,36 @@ def name_powers(
     return tuple(replace(f, names={**f.names, **names}) if f.code in best else f for f in findings)
 
 
+def undetermined_values(
+    found: Identification, best: CandidateFit, near: Sequence[CandidateFit], rows: WhitenedBalance
+) -> tuple[list[str], list[str]]:
+    """Return the parameters that may be zero, and others of which fundamentals do not show the value.
+
+    A gap hardly reached and the stiffness behind it are confounded, or bounded to one side: the stop may be
+    zero only where one of the candidates ``near`` the best does without it. Of an even force and a cubic one
+    fundamentals determine a combination alone.
+    """
+    doubted = {e.name: e.finding.code for e in found if e.finding and "mirror" not in e.finding.names}
+    within = {e.name for e in found if e.interval[0] <= 0 <= e.interval[1]}
+    zero = [name for name, code in doubted.items() if name in within and code != "confounded"]
+    rest = [name for name in doubted if name not in zero]
+    if rows.odd_alone and best.candidate.law.even and len(zero) > 1:
+        zero = [name for name in zero if doubted[name] == "no-effect"]
+    if any(lacks(fit, best, rest) for fit in near):
+        return [*zero, *rest], []
+    return zero, rest if rows.odd_alone else []
+
+
 def symmetry_doubts(
-    current: Round, ordered: Sequence[CandidateFit], candidates: Sequence[Candidate]
+    current: Round,
+    ordered: Sequence[CandidateFit],
+    candidates: Sequence[Candidate],
+    found: Identification | None,
 ) -> list[Finding]:
     """Doubt a law that fundamentals do not tell from one as simple that is odd where it is not, or not odd.
 
-    A stop on one side has the odd part of stops on both sides of half the stiffness.
+    A stop on one side has the odd part of stops on both sides of half the stiffness. Where they do not tie,
+    as along the motion of another law, the identification of the best says whether the other fits as well.
     """
     first = candidates[0]
     other = [
@@ -482,8 +508,13 @@ def symmetry_doubts(
         if one.tied and one.parameters <= first.parameters
         if fit.candidate.law.odd != ordered[0].candidate.law.odd
     ]
-    if not (other and current.rows.odd_alone) or current.misfit(ordered[0]).unexplained:
+    if current.misfit(ordered[0]).unexplained or not current.rows.odd_alone:
         return []
+    if not other:
+        warned = (
+            f for f in (found.findings if found else ()) if f.severity == "warning" and "side" in f.names
+        )
+        return [replace(f, severity="doubt") for f in warned if f.code == "mirror-image-fits"]
     return [Finding("even-terms-not-seen", "doubt", names={"law": first.label, "other": listed(other)})]
 
 
