@@ -439,8 +439,8 @@ def _disjoint(first: Estimate | None, other: Estimate | None) -> bool:
 
 def _differences(first: ComparedFit, second: ComparedFit) -> dict[str, float]:
     """Return the size of the shift of each value of which the intervals are disjoint."""
-    rows = [(row.name, *row.estimates) for row in _rows([first.estimates, second.estimates])]
-    return {name: abs(_shift(one, other)) for name, one, other in rows if _disjoint(one, other)}
+    rows = _rows([first.estimates, second.estimates])
+    return {row.name: abs(_shift(*row.estimates)) for row in rows if _disjoint(*row.estimates)}
 
 
 _COLUMNS = 80
@@ -490,9 +490,9 @@ class FitComparison(Printed):
                 differing += [(shift, name, first.name, second.name) for name, shift in found.items()]
         if not differing:
             return tuple(images)
-        shift, _, first, second = max(differing)
+        shift, _, one, other = max(differing)
         names = {"values": ", ".join(dict.fromkeys(name for _, name, _, _ in differing))}
-        names |= {"first": first, "second": second}
+        names |= {"first": one, "second": other}
         return (Finding("results-disagree", "doubt", numbers=quantities(shift=shift), names=names), *images)
 
     def __getitem__(self, name: str) -> FitRow:

@@ -69,7 +69,6 @@ _FORCE_TOLERANCE = 1e-8
 _MAX_ITERATIONS = 40
 """Newton steps of at most a fifth of the amplitude, or bisections of an interval."""
 
-
 _SAMPLES_OF_DISTURBANCE = (SAMPLES_PER_PERIOD_SWITCHED, 8 * SAMPLES_PER_PERIOD_SWITCHED)
 """A period; the second where the first says that a motion does not last: corners of a law let multipliers err
 by 0.02 with the first."""
@@ -124,17 +123,16 @@ class AmplitudeBalance:
         """Return the half width (n,) of the 95 % band of the force amplitude [N]."""
         slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
         slope -= np.abs(at.force)[:, None] / self._mass * self._following_mass
-        variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope)
-        return np.asarray(interval_sigmas() * np.sqrt(np.maximum(variance, 0.0)))
+        variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope).clip(0.0)
+        return np.asarray(interval_sigmas() * np.sqrt(variance))
 
     def frequency_spread(
         self, level: float, spread: Array, size: Array, omega: Array, start: ComplexArray
     ) -> Array:
         """Return the half width (n,) of the 95 % band [rad/s] of the frequency of a fold at X (n,) [m].
 
-        d|F|/dX = 0 there, so that |F|_omega d omega + |F|_p dp = 0 at the force of the level, wherever the
-        amplitude goes. NaN where the band is too wide for that, or a corner of the law moves the fold off the
-        line between two points: by more than a tenth of the ``spread`` of the force [N], (n,).
+        d|F|/dX = 0 there, so that |F|_omega d omega + |F|_p dp = 0 at the force of the level. NaN where the
+        band is too wide, or a corner moves the fold by over a tenth of the ``spread`` (n,) of the force [N].
         """
         if not len(size):
             return size
