@@ -184,7 +184,7 @@ def radians_as_degrees(surface: ResponseSurface) -> np.ndarray:
 @pytest.mark.parametrize("noise", [0.0, 0.03])
 @pytest.mark.parametrize(("tamper", "found"), [
     (derived(1), "+1"), (derived(2), "+2"), (derived(-1), "-1"), (derived(-2), "-2"),
-    (radians_as_degrees, "radian"),
+    (radians_as_degrees, "radian"), (lambda surface: surface.harmonics[:, 1] / surface.force, "per-force"),
 ])  # fmt: skip
 def test_a_response_of_another_quantity_is_recognised(tamper, found, noise):
     surface = cubic_surface(levels=4, frequencies=31)

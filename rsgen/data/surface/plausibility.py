@@ -276,8 +276,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     """Return a finding if the response is another quantity than the one it was read as.
 
     Each derivative turns the phase by 90 degrees, so that the equation above fits the right quantity by far
-    best: the response as it is, as a derivative or an integral of the displacement, or with its phase in
-    radians.
+    best: the response as it is, per force, with its phase in radians, as a derivative or an integral.
 
     Parameters
     ----------
@@ -304,6 +303,7 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     if np.max(np.abs(phase)) < 2 * np.pi:
         # numbers that are radians
         others["radian"] = force * np.abs(response / force) * np.exp(1j * phase)
+    others["per-force"] = response * force
     weight = 1 / np.abs(force)
 
     def fit(motion: ComplexArray) -> tuple[float, tuple[bool, bool, bool]]:
