@@ -19,10 +19,12 @@ from rsgen import (
     sentence,
     simulate,
 )
+from rsgen.common.finding import Finding, Quantity
 from rsgen.data.history import SweepLaw, TimeHistory, from_free_decay, from_swept_sine
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.describing.derivation import derive
-from rsgen.identification.prediction import HeldOutLevel, predict
+from rsgen.identification.identify import _with_held_out
+from rsgen.identification.prediction import HeldOutLevel, Prediction, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
 from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
 from rsgen.identification.prediction.resonance_curves import predict_held_out, predict_shown
@@ -618,7 +620,7 @@ def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reac
     assert known_beyond([held], 2.5, 2e-3, 9e-4) == {}
 
 
-@pytest.mark.parametrize(("label", "name"), [(None, "4 N"), ([1.0, 2.0, 3.0], "4 N (label 2)")])
+@pytest.mark.parametrize(("label", "name"), [(None, "4 N"), ([1.0, 2.0, 3.0], "2 (4 N)")])
 def test_a_level_has_one_name(label, name):
     """Terminal and tables said 4 N, the figure 3.8 N, the case 2."""
     driven = surface("cubic", levels=np.array([1.9, 3.8, 7.6]))
@@ -649,6 +651,10 @@ def test_a_level_has_one_name(label, name):
     assert not any("small" in line for line in held_out_lines(scores))
     (missed,) = missed_findings((replace(held_out, error=0.3, misfit=0.01),))
     assert f"level {name} (sweep rest) is predicted" in sentence(missed)
+    sizes = {"level": Quantity(4.0, "N"), "misfit": Quantity(0.1), "typical": Quantity(0.01)}
+    doubted = replace(found, findings=(Finding("level-deviates", "doubt", "", sizes),))
+    (other,) = _with_held_out(doubted, table, Prediction((), (), ())).findings
+    assert sentence(other).startswith(f"level {name} misses the law")
 
 
 def test_predictions_keep_to_the_band_of_the_observation():

@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from hashlib import sha256
+from math import nan
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -88,14 +89,14 @@ def misnamed_levels(levels: Array, amounts: Array, known: Sequence[Finding]) -> 
 
 
 def level_name(level: float, unit: str, label: str = "") -> str:
-    """Return the name of a level in pages, figures and messages: its amount, and its label where it has one.
+    """Return the name of a level in pages, figures and messages: its amount, after its label if it has one.
 
     Examples
     --------
     >>> level_name(6.96, "N"), level_name(0.217, "N", "2")
-    ('6.96 N', '217 mN (label 2)')
+    ('6.96 N', '2 (217 mN)')
     """
-    return quantity_text(level, unit) + (f" (label {label})" if label else "")
+    return f"{label} ({quantity_text(level, unit)})" if label else quantity_text(level, unit)
 
 
 def match_level(levels: Array, asked: float) -> float | None:
@@ -203,6 +204,13 @@ class Records(ABC):
         if self.label is None:
             return ""
         return ", ".join(f"{name:g}" for name in np.unique(self.label[self.level == level]))
+
+    def with_label(self, finding: Finding) -> Finding:
+        """Return a finding about a level with the label of that, which is named first; others as they are."""
+        level = finding.numbers.get("level", Quantity(nan))
+        known = level.unit == self.level_unit and "label" not in finding.numbers
+        label = self.label_of(level.value) if known else ""
+        return replace(finding, names={"label": label, **finding.names}) if label else finding
 
     def _named(self, asked: float) -> float | None:
         return None if self.label is None else match_level(np.unique(self.label), asked)

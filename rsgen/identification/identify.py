@@ -14,7 +14,7 @@ is solved for m and the parameters p of the law by least squares with errors in 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
@@ -296,16 +296,18 @@ def identify(
     model = join_model(law, observation, mass, fixed, mass_error)
     if isinstance(surface, MultisineSpectra):
         records = rsgen.identification.identify_multisine(*per_unit_mass(surface, model))
-        return _with_held_out(records, predict_records, records)
+        return _with_held_out(records, records.spectra, predict_records(records))
     require(surface, ResponseSurface, "surface")
     return identify_points(surface, model)
 
 
-def _with_held_out(found: Identification, score: Callable[..., Prediction], *test: object) -> Identification:
+def _with_held_out(
+    found: Identification, test: ResponseSurface | MultisineSpectra, scored: Prediction
+) -> Identification:
     """An identification with what the levels that it has not seen say of it: they are part of its verdict."""
-    scored = score(*test)
     held_out = (*scored.held_out, *scored.records)
-    return changed(found, findings=(*found.findings, *scored.findings), held_out=held_out)
+    findings = (*found.findings, *scored.findings)
+    return changed(found, findings=tuple(map(test.with_label, findings)), held_out=held_out)
 
 
 def identify_points(
@@ -323,7 +325,7 @@ def identify_points(
         other = _identify(centred, model, attained, most)
         if other.residual < (1 - MIN_MISFIT_REDUCTION) * found.residual:
             found, surface = other, centred
-    return found if most else _with_held_out(found, predict_held_out, found, surface)
+    return found if most else _with_held_out(found, surface, predict_held_out(found, surface))
 
 
 def checked(surface: ResponseSurface) -> ResponseSurface:

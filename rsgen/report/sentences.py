@@ -55,15 +55,16 @@ _MAX_SHARE_WITH_DECIMALS = 100.0
 class _Number(float):
     """A number that formats as a book prints it: a power of ten in place of 1e-8, a space before per cent.
 
-    Three kinds of its own: ``.3q`` is the number with its unit, ``.2p`` a ratio in per cent, ``.4t`` a number
-    as it is typed into a case.
+    Three kinds of its own: ``.3q`` is the number with its unit, after the label that a level has, ``.2p`` a
+    ratio in per cent, ``.4t`` a number as it is typed into a case.
     """
 
     unit: str
+    label: str
 
-    def __new__(cls, value: float, unit: str = "") -> Self:
+    def __new__(cls, value: float, unit: str = "", label: str = "") -> Self:
         number = super().__new__(cls, value)
-        number.unit = unit
+        number.unit, number.label = unit, label
         return number
 
     def __format__(self, form: str) -> str:
@@ -74,7 +75,8 @@ class _Number(float):
             case "p":
                 return f"{number_text(100 * value, digits)} %"
             case "q":
-                return quantity_text(value, self.unit, digits)
+                said = quantity_text(value, self.unit, digits)
+                return f"{self.label} ({said})" if self.label else said
             case "t":
                 return f"{value:.{digits}g}"
             case "%" if abs(value) >= _MAX_SHARE_WITH_DECIMALS:
@@ -103,7 +105,7 @@ class _Fields:
         if name == "names":
             return names
         if name in numbers or name not in names:
-            return _Number(*numbers[name])
+            return _Number(*numbers[name], names.get("label", "") if name == "level" else "")
         return self.words.get(name, {}).get(names[name], names[name])
 
 
