@@ -99,6 +99,14 @@ def level_name(level: float, unit: str, label: str = "") -> str:
     return f"{label} ({quantity_text(level, unit)})" if label else quantity_text(level, unit)
 
 
+def with_label(test: Records, finding: Finding) -> Finding:
+    """Return a finding about a level of a test with the label of that, which is named first; others as is."""
+    level = finding.numbers.get("level", Quantity(nan))
+    known = level.unit == test.level_unit and "label" not in finding.numbers
+    label = test.label_of(level.value) if known else ""
+    return replace(finding, names={"label": label, **finding.names}) if label else finding
+
+
 def match_level(levels: Array, asked: float) -> float | None:
     """Return the level that equals a number within its digits, or else is the only one near; None without.
 
@@ -204,13 +212,6 @@ class Records(ABC):
         if self.label is None:
             return ""
         return ", ".join(f"{name:g}" for name in np.unique(self.label[self.level == level]))
-
-    def with_label(self, finding: Finding) -> Finding:
-        """Return a finding about a level with the label of that, which is named first; others as they are."""
-        level = finding.numbers.get("level", Quantity(nan))
-        known = level.unit == self.level_unit and "label" not in finding.numbers
-        label = self.label_of(level.value) if known else ""
-        return replace(finding, names={"label": label, **finding.names}) if label else finding
 
     def _named(self, asked: float) -> float | None:
         return None if self.label is None else match_level(np.unique(self.label), asked)

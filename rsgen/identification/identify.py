@@ -42,6 +42,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
+from rsgen.data.record_set import with_label
 from rsgen.data.surface.mode_findings import flattening_findings
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
@@ -307,7 +308,7 @@ def _with_held_out(
     """An identification with what the levels that it has not seen say of it: they are part of its verdict."""
     held_out = (*scored.held_out, *scored.records)
     findings = (*found.findings, *scored.findings)
-    return changed(found, findings=tuple(map(test.with_label, findings)), held_out=held_out)
+    return changed(found, findings=tuple(with_label(test, one) for one in findings), held_out=held_out)
 
 
 def identify_points(

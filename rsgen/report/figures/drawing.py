@@ -179,9 +179,11 @@ def in_numbers(figure: Figure) -> str:
         lines = {line: str(line.get_label()) for line in axes.get_lines()}
         named = {line: label for line, label in lines.items() if not label.startswith("_")}
         courses = []
-        for label in dict.fromkeys(named.values()):
-            parts = [np.array(one.get_data()) for one in lines if lines[one] in (label, f"_{label}")]
-            courses.append(_course(label, *np.hstack(parts)))
+        for line, label in named.items():
+            parts = (line, *(one for one in lines if lines[one] == f"_{label}"))
+            courses.append(
+                _course(label, *np.concatenate([np.array(one.get_data()) for one in parts], axis=1))
+            )
         courses = courses or [_course("line", *line.get_data()) for line in lines]
         if courses:
             over = " over ".join(filter(None, [axes.get_ylabel(), axes.get_xlabel()]))
@@ -395,8 +397,7 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
         axis.set_major_locator(matplotlib.ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
     axes.view_init(elev=28, azim=-58)
     axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
-    reached = "along free decays" if surface.decays else "every point from rest"
-    words = reached if sweep == "rest" else SWEEPS[sweep]
+    words = "every point from rest" if sweep == "rest" else SWEEPS[sweep]
     caption = f"Response surface: {_what(shown, words)}."
     return Drawing("surface", figure, caption, ax is None, _alternative(shown))
 
