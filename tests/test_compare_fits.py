@@ -36,7 +36,7 @@ def test_fits_stand_side_by_side(fits):
     assert compared["psi"].estimates[0] is None
     assert compared["psi"].estimates[1].unit == "rad"
     # a fixed value has no interval to be disjoint from another
-    heavy = replace(fits[1], model=replace(fits[1].model, fixed={"m": 1.6}))
+    heavy = replace(fits[1], model=replace(fits[1].model, mass=1.6, fixed={}))
     assert not any(rs.compare_fits([fits[0], heavy])["m"].disjoint)
     assert [fit.held_out.keys() for fit in compared.fits] == [{"6 N rest"}, set(), {"6 N rest"}]
     assert compared.fits[0].held_out["6 N rest"] < 0.03 < compared.fits[2].held_out["6 N rest"]

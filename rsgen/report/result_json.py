@@ -174,6 +174,7 @@ def build_result(
     verdict = verdict_of(identification, comparison, prediction)
     findings = all_findings(identification, prediction)
     points, settled, entries = _entries_of(table, identification, prediction, modal, verdict.usable)
+    weighed = identification.model_given.weighed
     return {
         "schema": SCHEMA,
         "case": subject.name,
@@ -187,6 +188,7 @@ def build_result(
         "findings": [finding.to_dict() for finding in findings],
         "mass": finite_or_none(identification.mass),
         "fixed": fixed_entry(identification),
+        **({"mass_given": {"value": weighed[0], "standard_error": weighed[1]}} if weighed else {}),
         "parameters": rows_entry(comparison, forces=False),
         "covariance": [list(map(finite_or_none, row)) for row in identification.covariance.tolist()],
         "forces": rows_entry(comparison, forces=True),

@@ -237,6 +237,9 @@ def test_result_keeps_the_contract():
     assert parse(element["stiffness"]) == parse("k1 + 3/4*kn1*X**2")
     assert write(parse(element["force"])) == element["force"]
     assert [formula["agrees"] for formula in read["printed"]] == [True, True]
+    weighed = replace(IDENTIFICATION, model=replace(IDENTIFICATION.model, mass=MASS, mass_error=0.01))
+    assert result(identification=weighed)["mass_given"] == {"value": MASS, "standard_error": 0.01}
+    assert "mass_given" not in content
 
 
 LOST = Finding("not-determined", "warning", "c1")

@@ -89,7 +89,7 @@ def rank_command(
 
 def _values(ranking: Ranking, table: ResponseSurface | MultisineSpectra) -> str:
     """Values of the first law with their units."""
-    units = units_of(ranking.model, table.on_mass(ranking.model.fixed.get("m", nan)).units)
+    units = units_of(ranking.model, table.on_mass(ranking.model.mass or nan).units)
     return ", ".join(
         f"{name} = {short(value, 6)} {units.get(name, '')}".rstrip()
         for name, value in ranking.candidates[0].values.items()

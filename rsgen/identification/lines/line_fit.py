@@ -120,7 +120,7 @@ class LineFit:
 
     @property
     def rules(self) -> Rules:
-        """Return the prior knowledge of the parameters."""
+        """Rules of a descent: which parameters are fixed, and a mass that was weighed."""
         held = self.fixed.get("m", np.nan)
         return Rules(free=self.free).knowing(len(self.values), self.lines.weighed, held)
 

@@ -217,7 +217,7 @@ class _Balance:
 
     @property
     def rules(self) -> Rules:
-        """Prior knowledge of the parameters: changes of the background are zero, a mass may be weighed."""
+        """Rules of a descent: changes of the background are known to be zero, a mass may be weighed."""
         prior = np.append(np.zeros(len(self.names)), self.rows.background_weight)
         return Rules(free=self.free, prior=prior).knowing(len(self.names) - 1, self.rows.weighed)
 
