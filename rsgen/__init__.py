@@ -32,7 +32,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsgen import figures, history
-    from rsgen.analysis.comparison import Comparison, compare, compare_fits, verdict_of
+    from rsgen.analysis.comparison import Comparison, compare, verdict_of
+    from rsgen.analysis.fit_comparison import compare_fits
     from rsgen.cases.case import Case
     from rsgen.cases.loading import load_case, read
     from rsgen.common.errors import RsgenError
@@ -64,7 +65,8 @@ _NOT_INSTALLED = "0+unknown"
 """The version where the folder of the sources is used without being installed."""
 
 _NAMES = {
-    "analysis.comparison": ("Comparison", "compare", "compare_fits", "verdict_of"),
+    "analysis.comparison": ("Comparison", "compare", "verdict_of"),
+    "analysis.fit_comparison": ("compare_fits",),
     "cases.case": ("Case",),
     "cases.loading": ("load_case", "read"),
     "common.errors": ("RsgenError",),

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rsgen.analysis.comparison import Comparison, Row, compare_fits
+from rsgen.analysis.comparison import Comparison, Row
+from rsgen.analysis.fit_comparison import compare_fits
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine.spectra import MultisineSpectra

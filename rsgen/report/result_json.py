@@ -13,16 +13,13 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import sympy
 
-from rsgen.analysis.comparison import (
+from rsgen.analysis.comparison import Comparison, Row, all_findings, verdict_of
+from rsgen.analysis.fit_comparison import (
     ComparedFit,
-    Comparison,
     FitComparison,
-    Row,
-    all_findings,
     compare_fits,
     errors_by_level,
     mirrored_law,
-    verdict_of,
 )
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, StatedVerdict, Verdict

@@ -15,7 +15,8 @@ import h5py
 import numpy as np
 
 import rsgen
-from rsgen.analysis.comparison import FitComparison, FitRow, Row
+from rsgen.analysis.comparison import Row
+from rsgen.analysis.fit_comparison import FitComparison, FitRow
 from rsgen.common.finding import Quantity, Verdict
 from rsgen.data.multisine.linear import BestLinear, Distortion
 from rsgen.data.oscillator import Model

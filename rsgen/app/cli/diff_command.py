@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rsgen.analysis.comparison import ComparedFit, FitComparison
+from rsgen.analysis.fit_comparison import ComparedFit, FitComparison
 from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, Json, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
