@@ -322,6 +322,20 @@ def test_a_power_whose_interval_holds_a_whole_number_is_the_law_with_this_number
     assert f"; the same law is {power} with p = 3" in sentence(ranking.verdict.summary)
 
 
+def test_errors_that_neighbours_share_are_no_evidence_for_another_law() -> None:
+    """Of smoothed data each point counted, and BIC of terms that followed the errors was lower by 88."""
+    law = "k*x + k3*x**3 + c*v"
+    oscillator = rsgen.Oscillator(1.5, law, {"k": 6e3, "k3": 2e6, "c": 4.0})
+    table = rsgen.simulate(oscillator, rsgen.SimulatedTest([1, 2, 4], np.linspace(8, 13, 50), harmonics=1))
+    random, kernel = np.random.default_rng(1), np.exp(-0.5 * (np.arange(-12, 13) / 4) ** 2)
+    parts = random.normal(size=(2, len(table) + 24))
+    errors = np.convolve(parts[0] + 1j * parts[1], kernel / np.linalg.norm(kernel), "valid")
+    table = changed(table, harmonics=table.harmonics * np.stack([errors * np.nan, 1 + 3e-3 * errors], axis=1))
+    ranking = rank(table, [law, f"{law} + k5*x**5", f"{law} + c3*v**3 + k5*x**5"])
+    assert ranking.candidates[0].force == "c*v + k*x + k3*x**3"
+    assert ranking.verdict.state == "identified"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("k2", [9.8e3, 7e3], ids=["bilinear", "linear"])
 def test_a_bilinear_spring_is_found_where_fundamentals_alone_were_recorded(k2: float) -> None:

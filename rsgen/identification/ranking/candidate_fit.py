@@ -9,7 +9,7 @@ give.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar
@@ -25,6 +25,7 @@ from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NEAR_STEPS, NOISE_RATIO_B
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
+from rsgen.identification.fitting.observed import effective_power
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.ranking.balance import WhitenedBalance
 from rsgen.identification.ranking.library_sums import terms_of
@@ -110,6 +111,8 @@ class CandidateFit:
         Why it is no candidate; "" where it is one.
     converged
         False if the steps of its parameters ended before its least misfit, or at a limit.
+    unit
+        Sum of squares, in units of the noise, of one independent point of the test (``effective_power``).
     """
 
     candidate: CandidateLaw
@@ -119,11 +122,12 @@ class CandidateFit:
     background_cost: float
     fault: str = ""
     converged: bool = True
+    unit: float = 1.0
 
     @property
     def chi_squared(self) -> float:
-        """Sum of squares in units of the noise."""
-        return float(np.sum(self.residual[:, self.compared] ** 2)) + self.background_cost
+        """Sum of squares in units of the noise, of independent points."""
+        return (float(np.sum(self.residual[:, self.compared] ** 2)) + self.background_cost) / self.unit
 
     def feeds(self, rows: WhitenedBalance) -> bool:
         """Return True if a damper of a sum has a negative factor, so that it feeds energy."""
@@ -375,6 +379,19 @@ class Round(ABC):
     def without_outliers(self, best: CandidateFit) -> Round | None:
         """Exclude a few points that a law misses by far; None where there are none."""
         return None
+
+    def pairs(self, best: CandidateFit) -> NDArray[np.intp]:
+        """Return the (k, 2) neighbours in frequency that are no outliers of a law; none of lines."""
+        return np.zeros((0, 2), dtype=np.intp)
+
+    def in_independent_points(self, found: Sequence[CandidateFit]) -> list[CandidateFit]:
+        """Return fits, best first, in units of points whose errors are independent.
+
+        What neighbours share of the least sum of squares no law explains: it is no evidence for one.
+        """
+        least = min(found, key=lambda fit: fit.chi_squared)
+        unit = effective_power(least.residual[:, least.compared], self.pairs(least))
+        return sorted((replace(fit, unit=unit) for fit in found), key=CandidateFit.bic)
 
     def leader_of(self, other: Round) -> tuple[CandidateFit, bool]:
         """Return the leader of another round in units of the noise of this one; large at lost points.

@@ -1,12 +1,12 @@
 """Model selection: candidate laws ranked by BIC on one test.
 
-BIC = chi^2 + q log(n) with chi^2 the sum of squares of the whitened balance of forces (``balance``) and q the
-number of parameters (Schwarz, Annals of Statistics 6, 1978). A harmonic balance for each of hundreds of
-candidates would take minutes; so all are compared along one reference motion, that of the best law so far,
-where each candidate is a linear least squares but for breakpoints, widths and exponents (``candidate_fit``).
-If another law becomes the best, its motion is the next reference, until the best law is the one whose motion
-is the reference. A candidate's misfit is then that of maximum likelihood to second order in its distance from
-the best law, which is enough to order near ones.
+BIC = chi^2 + q log(n) with chi^2 the sum of squares of the whitened balance of forces (``balance``), in units
+of independent points (``effective_power``), and q parameters (Schwarz, Ann. Statist. 6, 1978). A harmonic
+balance for each of hundreds of candidates would take minutes; so all are compared along one reference motion,
+that of the best law so far, where each candidate is a linear least squares but for breakpoints, widths and
+exponents (``candidate_fit``). If another law becomes the best, its motion is the next reference, until the
+best law is the one whose motion is the reference. A candidate's misfit is then that of maximum likelihood to
+second order in its distance from the best law, which is enough to order near ones.
 The docstring of the package lists why a law is not tried, dropped or refused.
 """
 
@@ -307,7 +307,7 @@ def _compare(
             break
         current = fewer
         found, faulty = entries.fit(candidates, current.rows)
-    name = current.leader.candidate.name
+    found, name = current.in_independent_points(found), current.leader.candidate.name
     # fitted without the excluded points, unless it was dropped
     leader = next((fit for fit in found if fit.candidate.name == name), current.leader)
     return _Compared(test, replace(current, leader=leader), found, faulty)
@@ -587,7 +587,8 @@ def _merge_equal_laws(
         better = law
         for twin, values in twins:
             if better.bic() - twin.bic() > STRONG_EVIDENCE:
-                again = fit_candidate(replace(law.candidate, values=values), rows, fixed)
+                fit = fit_candidate(replace(law.candidate, values=values), rows, fixed)
+                again = replace(fit, unit=law.unit)
                 better = min(better, again, key=lambda fit: inf if fit.fault else fit.bic())
         label = twins[0][0].candidate.name if name == OWN and twins else name
         named = replace(better, candidate=replace(better.candidate, name=label))

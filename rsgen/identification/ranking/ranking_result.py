@@ -462,7 +462,7 @@ def name_powers(
         f"{one.label} with {name} = {number}"
         for fit, one in zip(fits, candidates, strict=False)
         for name, number in whole_powers(fit)
-        if not one.tied and abs(one.values[name] - number) < RELATIVE_ERROR_DOUBTFUL
+        if abs(one.values[name] - number) < RELATIVE_ERROR_DOUBTFUL
         if lacks(fits[0], fit, (), [(name, number)])
     ]
     best = {"law-fits-best", "law-nearest"} if same else set()

@@ -396,6 +396,10 @@ class PointRound(Round):
             for one in found
         ]
 
+    def pairs(self, best: CandidateFit) -> NDArray[np.intp]:
+        """Return the neighbours that are no outliers of a law."""
+        return self.reference.motion.points.pairs(~outliers_of(best, self.noises))
+
     def without_outliers(self, best: CandidateFit) -> PointRound | None:
         """Exclude the outliers of a law."""
         out = outliers_of(best, self.noises)
@@ -431,8 +435,8 @@ class PointRound(Round):
             moved[~inside] = 1 / self.noise
             return moved
 
-        residual, predict, compared = move(fit.residual), fit.predict_levels, self.rows.compared
-        moved = replace(fit, residual=residual, predict_levels=lambda: move(predict()), compared=compared)
+        predict, own = fit.predict_levels, {"compared": self.rows.compared, "unit": self.leader.unit}
+        moved = replace(fit, residual=move(fit.residual), predict_levels=lambda: move(predict()), **own)
         return moved, settled
 
     def relative(self, residual: Array) -> float:
