@@ -125,6 +125,11 @@ def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cu
 def test_a_phase_error_that_a_filter_would_pay_in_amplitude_is_said(cubic, psi, severity):
     found = identify(among_others(cubic, psi, 0, 0), model("cubic"), Observation(background="phase"))
     assert found["psi"] is found.background.estimates[0]
+    turned = found.fit.regression.parameters + 2 * np.pi * (
+        np.arange(len(found.fit.regression.parameters)) == 4
+    )
+    again = replace(found.fit, regression=replace(found.fit.regression, parameters=turned))
+    assert again.background == pytest.approx(found.fit.background, abs=1e-12)
     told = [finding for finding in found.findings if finding.code == "phase-turned"]
     assert [finding.severity for finding in told] == ([severity] if severity else [])
     assert found.verdict.state == ("doubtful" if severity == "doubt" else "identified")

@@ -155,8 +155,10 @@ class Fit:
 
     @property
     def background(self) -> Array:
-        """(b,) values of the background."""
-        return self.problem.split(self.regression.parameters)[2]
+        """(b,) values of the background; the phase, which comes first, within half a turn of 0."""
+        values = np.array(self.problem.split(self.regression.parameters)[2])
+        values[:1] -= 2 * np.pi * np.round(values[:1] / (2 * np.pi))
+        return values
 
     @property
     def solution(self) -> Solution:
