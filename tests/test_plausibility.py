@@ -30,13 +30,15 @@ def changed(surface: ResponseSurface, response: np.ndarray, force: np.ndarray | 
     )  # fmt: skip
 
 
-def test_levels_in_another_order_than_forces_are_doubted():
-    surface = cubic_surface()
-    level = np.random.default_rng(0).permutation(surface.level)
-    scrambled = ResponseSurface(level, surface.frequency, surface.force, surface.harmonics[:, 1])
-    (found,) = level_findings(scrambled)
+def test_levels_in_another_order_than_forces_are_doubted_and_a_level_a_point_is_named():
+    surface, random = cubic_surface(), np.random.default_rng(0)
+    level = random.permutation(surface.level)
+    (found,) = level_findings(replace(surface, level=level))
     assert (found.code, found.severity) == ("levels-disagree", "doubt")
     assert list(level_findings(surface)) == []
+    level = surface.level * (1 + 1e-3 * random.normal(size=len(surface)))
+    (found,) = level_findings(ResponseSurface(level, surface.frequency, level, surface.harmonics[:, 1]))
+    assert (found.code, found.severity) == ("levels-disagree", "warning")
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.7, 2.0])
@@ -58,13 +60,6 @@ def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
         (repeated,) = [one for one in found.findings if one.code == "run-repeated"]
         assert set(repeated.names.values()) == {f"the level of {one:g} N" for one in surface.levels[1:]}
         assert not found.verdict.usable
-
-
-def test_points_that_are_each_a_level_of_its_own_are_named():
-    surface = cubic_surface()
-    level = surface.level * (1 + 1e-3 * np.random.default_rng(0).normal(size=len(surface)))
-    (found,) = level_findings(ResponseSurface(level, surface.frequency, level, surface.harmonics[:, 1]))
-    assert (found.code, found.severity) == ("levels-disagree", "warning")
 
 
 @pytest.mark.parametrize("factor", [2.0, 1.9, 0.506, 0.5**0.5])
