@@ -331,7 +331,8 @@ def test_errors_that_neighbours_share_are_no_evidence_for_another_law() -> None:
     parts = random.normal(size=(2, len(table) + 24))
     errors = np.convolve(parts[0] + 1j * parts[1], kernel / np.linalg.norm(kernel), "valid")
     table = changed(table, harmonics=table.harmonics * np.stack([errors * np.nan, 1 + 3e-3 * errors], axis=1))
-    ranking = rank(table, [law, f"{law} + k5*x**5", f"{law} + c3*v**3 + k5*x**5"])
+    more = ("k5*x**5", "cq*v*abs(v)", "k5*x**5 + cq*v*abs(v)", "c3*v**3 + k5*x**5", "cq*abs(x)*v + c3*v**3")
+    ranking = rank(table, [law, *(f"{law} + {terms}" for terms in more)])
     assert ranking.candidates[0].force == "c*v + k*x + k3*x**3"
     assert ranking.verdict.state == "identified"
 

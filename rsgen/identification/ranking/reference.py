@@ -435,9 +435,9 @@ class PointRound(Round):
             moved[~inside] = 1 / self.noise
             return moved
 
-        predict, own = fit.predict_levels, {"compared": self.rows.compared, "unit": self.leader.unit}
-        moved = replace(fit, residual=move(fit.residual), predict_levels=lambda: move(predict()), **own)
-        return moved, settled
+        predict, unit = fit.predict_levels, self.leader.unit
+        moved = replace(fit, residual=move(fit.residual), compared=self.rows.compared, unit=unit)
+        return replace(moved, predict_levels=lambda: move(predict())), settled
 
     def relative(self, residual: Array) -> float:
         """Return the root mean square of the compared rows of a residual, relative to force and response."""
