@@ -455,17 +455,17 @@ def effective_power(residual: Array, pairs: NDArray[np.intp]) -> float:
     With r_l the correlation of residuals l places from each other in a run these are 1 + 2 sum r_l, the sum
     up to the first r_l within chance (Geyer, Statist. Sci. 7 (1992) 473). One of noise, or of few ``pairs``.
     """
-    if len(pairs) < _MIN_PAIRS:
+    if len(pairs) < _MIN_PAIRS or not residual[pairs].any():
         return 1.0
     after = np.full(len(residual), -1)
     after[pairs[:, 0]] = pairs[:, 1]
-    power, numbers, points = np.mean(residual[pairs] ** 2), len(pairs) * residual.shape[1], 1.0
+    power, numbers, points = float(np.mean(residual[pairs] ** 2)), len(pairs) * residual.shape[1], 1.0
     first, second = pairs.T
-    while (r := np.sum(residual[first] * residual[second]) / (numbers * power)) > 2 / np.sqrt(numbers):
+    while (r := float(np.sum(residual[first] * residual[second])) / (numbers * power)) > 2 / np.sqrt(numbers):
         points += 2 * r
         follows = after[second] >= 0
         first, second = first[follows], after[second[follows]]
-    return float(max(power * points, 1.0)) if points > 1 else 1.0
+    return max(power * points, 1.0) if points > 1 else 1.0
 
 
 def beyond_chance(correlation: Any, numbers: Any) -> NDArray[np.bool_]:
