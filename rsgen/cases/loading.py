@@ -114,8 +114,8 @@ def make_simulated(table: Any, maker: Maker) -> VirtualTest:
 
 
 _AS_LABEL = (
-    '; for levels by names, as the volts of a drive: unit = "label" under [test.level], with values or name, '
-    'that of files or sheets: "{level} V"'
+    '; for levels by names, as the volts of a drive: unit = "label" under [test.level], and values, or '
+    'for files and sheets name = "{level} V"'
 )
 _DECAYS_BY_NUMBER = '; name decays by numbers: values and unit = "label" under [test.level]'
 

@@ -132,7 +132,7 @@ DAMPER = Element("damper", c * v, ("c",))
 
 def test_a_model_has_no_place_for_values():
     # laws, what is known beforehand, and facts about the test: nothing that truth could hide in
-    assert {f.name for f in fields(Model)} == {"elements", "observation", "fixed"}
+    assert {f.name for f in fields(Model)} == {"elements", "mass", "observation", "fixed", "mass_error"}
     assert {f.name for f in fields(Observation)} == {
         "background",
         "hold_out",

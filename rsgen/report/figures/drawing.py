@@ -397,7 +397,8 @@ def draw_surface(surface: ResponseSurface, *, ax: Any = None) -> Drawing:
         axis.set_major_locator(matplotlib.ticker.MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
     axes.view_init(elev=28, azim=-58)
     axes.set_box_aspect((1.25, 1.0, 0.8), zoom=1.0)
-    words = "every point from rest" if sweep == "rest" else SWEEPS[sweep]
+    reached = "along free decays" if surface.decays else "every point from rest"
+    words = reached if sweep == "rest" else SWEEPS[sweep]
     caption = f"Response surface: {_what(shown, words)}."
     return Drawing("surface", figure, caption, ax is None, _alternative(shown))
 
