@@ -41,6 +41,15 @@ def test_levels_in_another_order_than_forces_are_doubted_and_a_level_a_point_is_
     assert (found.code, found.severity) == ("levels-disagree", "warning")
 
 
+def test_one_level_of_a_shaker_without_control_is_no_several_levels():
+    """Its force falls from point to point by more than levels differ, towards the resonance and back."""
+    force = np.array([1.36, 0.89, 0.57, 0.34, 0.24, 0.19, 0.24, 0.35, 0.57, 0.9, 1.38])
+    frequency, level = np.linspace(9.8, 10.3, 11), np.full(11, 1.4)
+    assert list(level_findings(ResponseSurface(level, frequency, force, 1e-3j * force))) == []
+    several = ResponseSurface(level, frequency, np.where(np.arange(11) % 2, 1.4, 0.7), 1e-3j * force)
+    assert [one.names["one"] for one in level_findings(several)] == ["yes"]
+
+
 @pytest.mark.parametrize("factor", [0.5, 1.7, 2.0])
 def test_one_level_of_another_force_than_the_others_say_is_doubted(factor):
     surface = cubic_surface(levels=4, frequencies=31)

@@ -398,6 +398,7 @@ def join_model(
     """Return a model of law, mass, observation and fixed values; arguments replace those of a model."""
     model = law if isinstance(law, Model) else Model(law)
     observation = model.observation if observation is None else observation
+    mass = model.mass if mass_error is not None and mass is None and "m" not in fixed else mass
     known = Model(model.elements, mass, observation, fixed, mass_error)
     own = model if known.mass is None else known
     others = {name: value for name, value in model.fixed.items() if name != "m"}

@@ -187,7 +187,10 @@ def join_units(titles: Sequence[str], cells: Sequence[str]) -> list[str]:
         return list(titles)
     units = [_ENCLOSED.sub(r"\1", cell) for cell in cells]
     pairs = zip(titles, units, strict=True)
-    return [f"{title} [{unit}]" if unit not in ("", "-") else title for title, unit in pairs]
+    return [
+        f"{title} [{unit}]" if unit not in ("", "-") and not unit_in(title) else title
+        for title, unit in pairs
+    ]
 
 
 def is_angular(title: str) -> bool:

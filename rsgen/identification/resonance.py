@@ -218,7 +218,8 @@ def branch_findings(points: Points, fit: Fit, unit: str) -> list[Finding]:
     It goes on where motions between both need more than the force. ``unit`` is that of a level.
     """
     law, share = fit.problem.law, np.linspace(0, 1, 33)
-    if law.acts_across or fit.regression.rms_misfit > MISFIT_EXPLAINED:
+    # a sine has not the mean that an asymmetric law gives the motion
+    if law.acts_across or not law.odd or fit.regression.rms_misfit > MISFIT_EXPLAINED:
         return []
     for run in reversed(points.runs):
         way = str(points.sweep[run[0]])

@@ -124,6 +124,7 @@ def test_the_mass_with_which_a_decay_was_read_is_known_afterwards() -> None:
     weighed = rsgen.identify(surface, "k*x + c*v", mass=MASS, mass_error=0.02 * MASS)
     assert weighed["k"].standard_error == pytest.approx(0.02 * weighed["k"].value, rel=1e-3)
     assert weighed["m"].standard_error == pytest.approx(0.02 * MASS)
+    assert "is not checked by the test" in str(weighed)
     # another mass that is given counts
     assert rsgen.modal_table(surface, mass=2.0).mass == 2.0
 

@@ -10,7 +10,7 @@ import pytest
 import rsgen
 from rsgen.cases.faults import CaseError
 from rsgen.common.finding import Finding, reasons_of, steps_once
-from rsgen.data.oscillator import Model
+from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface.mode_findings import fixed_contradicted, mode_findings
 from rsgen.formula.reading import parse
 from rsgen.identification import judge
@@ -386,6 +386,12 @@ def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
 def test_an_error_of_a_mass_that_cannot_be_is_refused(given, fault):
     with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
         rsgen.identify(surface("cubic"), LAWS["cubic"][0], **given)
+
+
+def test_an_error_may_be_given_of_the_mass_that_a_model_has():
+    """It was refused: "no mass is given"."""
+    told = join_model(Model(as_elements(TWO_SIDES), 0.5), mass_error=0.01)
+    assert told.weighed == (0.5, 0.01)
 
 
 def test_a_mass_in_g_is_named_where_no_point_follows_the_law():

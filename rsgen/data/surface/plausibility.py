@@ -182,10 +182,9 @@ def plausibility_findings(
 def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     """Return a finding if forces are the levels in another unit, in another order, or not of their responses.
 
-    Where at two levels or more the force, or the amplitude that was held, is the level times one factor, one
-    of them has another unit or gain; where it is another at the fewer levels, these are wrong. Responses of
-    exchanged channels are the levels, too, but forces are smaller. A shaker loses force smoothly: where
-    forces of neighbours differ and those of levels do not, the columns do not belong together."""
+    Where at two levels or more the force, or the held amplitude, is the level times one factor, one has
+    another unit or gain; where it is another at the fewer levels, these are wrong. A shaker loses force
+    smoothly: where neighbours differ and levels do not, the columns do not belong together."""
     held, unit = surface.response_held, surface.level_unit
     if surface.decays or not (held or unit == "N"):
         return
@@ -215,14 +214,15 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
     means = [float(np.mean(size[level == one])) for one in levels]
-    by_force = surface.control == "force"  # loops have motions that no held force has
-    distinct = np.ptp(means) > np.log(LEVEL_TOLERANCE) if len(levels) > 1 else not by_force
+    several, by_force = len(levels) > 1, surface.control == "force"  # loops have motions no force holds
+    distinct = np.ptp(means) > np.log(LEVEL_TOLERANCE) if several else not by_force
+    # the force of one level may bend near the resonance, not jump back and forth
+    step = step if several else np.abs(np.diff(size, 2))
     if not distinct and len(step) and np.quantile(step, 0.75) > np.log(LEVEL_TOLERANCE):
         ends = np.exp(np.quantile(size[level == levels[-1]], [0.1, 0.9]))
         numbers = quantities(unit, level=levels[-1], low=ends[0], high=ends[1])
-        said = names if len(levels) > 1 else {**names, "one": "yes"}
-        yield Finding("levels-disagree", "doubt", "", numbers, said)
-    close = len(levels) > 1 and np.median(np.diff(levels) / levels[1:]) < RELATIVE_CHANGE_NEGLIGIBLE
+        yield Finding("levels-disagree", "doubt", "", numbers, names | ({} if several else {"one": "yes"}))
+    close = several and np.median(np.diff(levels) / levels[1:]) < RELATIVE_CHANGE_NEGLIGIBLE
     if 1 < len(levels) == len(rows) and (by_force or close):
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
     if by_force:

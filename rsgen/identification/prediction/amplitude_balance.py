@@ -70,8 +70,7 @@ _MAX_ITERATIONS = 40
 """Newton steps of at most a fifth of the amplitude, or bisections of an interval."""
 
 _SAMPLES_OF_DISTURBANCE = (SAMPLES_PER_PERIOD_SWITCHED, 8 * SAMPLES_PER_PERIOD_SWITCHED)
-"""A period; the second where the first says that a motion does not last: corners of a law let multipliers err
-by 0.02 with the first."""
+"""A period; the second where the first says that a motion does not last: corners err by 0.02 in it."""
 
 
 class AmplitudeBalance:
@@ -139,7 +138,8 @@ class AmplitudeBalance:
         step = 100 * _FREQUENCY_TOLERANCE * omega
         low, at, high = (np.abs(self.solve(size, omega + by, start).force) for by in (-step, 0, step))
         half = spread / np.maximum(np.abs(high - low) / (2 * step), 1e-300)
-        known = (half <= MAX_LINEAR_CHANGE * omega) & ((10 * np.abs(at - level) <= spread) | (spread == 0))
+        widest = np.minimum(MAX_LINEAR_CHANGE * omega, np.ptp(omega) or np.inf)
+        known = (half <= widest) & ((10 * np.abs(at - level) <= spread) | (spread == 0))
         return np.where(known, half, np.nan)
 
     def multiplier(self, at: Response, omega: Array) -> ComplexArray:

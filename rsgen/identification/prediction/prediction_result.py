@@ -376,7 +376,7 @@ def levels_meant(
     new = [one for one in new if not (np.abs(held / one.force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE).any()]
     falls = [-_change_near(run.amplitude, run.force) for run, _ in sorted(runs, key=lambda pair: pair[1])]
     if new and falls and falls[-1] > HELD_OUT_ERROR_SMALL:
-        numbers = quantities(fell=min(falls), **({"most": max(falls)} if len(falls) > 1 else {}))
+        numbers = quantities(fell=max(falls))
         by = {"by": "force"} | ({"base": "yes"} if found.curve.base else {})
         findings.append(Finding("level-predicted", "info", "", numbers, by))
     return findings

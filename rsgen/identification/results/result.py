@@ -93,7 +93,7 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     """Return what values owe to a mass in kg, given or free; ``rms`` where amplitudes are said to be."""
     mass, weighed = found._estimates.get("m"), found.model_given.weighed
     known = weighed or "mass" in found.outcome.names
-    if mass is None or mass.unit != "kg" or (mass.standard_error and not known):
+    if mass is None or mass.unit != "kg" or (mass.standard_error and not (known and mass.identifiable)):
         return []
     by = found.outcome.numbers.get("moves", Quantity(1.0)).value
     # a tenth of a per cent where one is beyond what slopes tell
@@ -101,8 +101,10 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     moved = f"{found.outcome.names.get('moves', 'the linear stiffness')} by about {number_text(part * by, 2)}"
     said = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
     if weighed:
-        now = f"{short(mass.value, 5)} +- {short(mass.standard_error, 2)} kg, its error in all intervals"
-        said = f"m, given as {short(weighed[0], 5)} +- {short(weighed[1], 2)} kg, is with the test {now}"
+        now = f"is with the test {short(mass.value, 5)} +- {short(mass.standard_error, 2)} kg"
+        now = now if mass.standard_error < 0.99 * weighed[1] else "is not checked by the test"
+        given = f"{short(weighed[0], 5)} +- {short(weighed[1], 2)} kg (standard error)"
+        said = f"m, given as {given}, {now}; its error is in all intervals"
     elif mass.standard_error:
         said = (
             "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what "
