@@ -324,7 +324,9 @@ def test_a_mass_with_an_error_is_one_more_equation():
     values = {"k1": 9800.0, "k2": 7000.0, "c1": 1.4, "c2": 9.0, "m": 0.5}
     assert all(asked[name].interval[0] < true < asked[name].interval[1] for name, true in values.items())
     assert asked["m"].standard_error < 0.005
-    assert mass_lines(asked)[0].startswith("m, given as 0.505 +- 0.005 kg, is with the test 0.499")
+    assert mass_lines(asked)[0].startswith(
+        "m, given as 0.505 +- 0.005 kg (standard error), is with the test 0.499"
+    )
     assert not asked.fixed
     assert "moves" not in asked.outcome.numbers
     # a symmetric law with a background fits as well where the mass allows what it moves, three of 0.3 g
@@ -368,7 +370,7 @@ def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
         assert (asked[one.name].value, asked[one.name].standard_error) == pytest.approx((one.value, both))
     assert not asked.fixed
     assert asked.verdict.state == exact.verdict.state == "identified"
-    assert mass_lines(asked)[0].startswith("m, given as 1.5 +- 0.03 kg, is with the test 1.5 +- 0.03 kg")
+    assert mass_lines(asked)[0].startswith("m, given as 1.5 +- 0.03 kg (standard error), is not checked")
     # of a given motion of the base the response is that of any mass
     bands = [rsgen.predict(one, [1.5]).curves[0].upper for one in (exact, asked)]
     assert bands[1] == pytest.approx(bands[0], nan_ok=True)
