@@ -319,8 +319,8 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
         moves = {} if far else largest_move(kept.parameters, free, names)
         clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE and leaves <= left
         # a mass gives way to the points as far as its error lets it
-        clear |= error > 0 and times > NOISE_LIMIT_SIGMAS and not fit.systematic
-        if clear and (far or moves):
+        off = error > 0 and times > NOISE_LIMIT_SIGMAS and not fit.systematic
+        if off or (clear and (far or moves)):
             one = fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times, error=error)
             found.append(replace(one, names={**one.names, **moves}))
     return found

@@ -21,6 +21,7 @@ from rsgen.common.tolerances import (
     DEVIATING_MISFIT_RATIO,
     MAX_SHARE_OF_OUTLIERS,
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
     NOISE_LIMIT_SIGMAS,
@@ -95,16 +96,12 @@ def repeats_finding(repeats: Repeats, misfit: float) -> Finding:
     """Compare the misfit of the means [1] with their scatter."""
     typical = float(np.median(repeats.count))
     expected = repeats.noise / np.sqrt(typical)
-    numbers = quantities(
-        readings=len(repeats.row),
-        points=len(repeats.count),
-        repeats=typical,
-        of_reading=repeats.noise,
-        of_mean=expected,
-        excluded=repeats.excluded,
-        misfit=misfit,
-        times=misfit / expected,
-    )
+    numbers = quantities(readings=len(repeats.row), points=len(repeats.count), excluded=repeats.excluded)
+    numbers |= quantities(repeats=typical, of_reading=repeats.noise, of_mean=expected)
+    numbers |= quantities(misfit=misfit, times=misfit / expected)
+    # no law follows means of independent readings so much better than they scatter
+    if misfit < MISFIT_EXPLAINED * expected:
+        return Finding("repeats-scatter", "doubt", numbers=numbers, names={"by": "branch"})
     severity: Severity = "info" if misfit < NOISE_RATIO_BY_CHANCE * expected else "warning"
     return Finding("repeats-scatter", severity, numbers=numbers)
 

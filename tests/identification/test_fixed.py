@@ -359,6 +359,9 @@ def test_a_mass_many_of_its_errors_off_is_contradicted(noise):
     (found,) = asked.verdict.decided_by
     assert found["fitted"] == pytest.approx(MASS, rel=2e-3)
     assert "+- 10 g (" in str(found)
+    # an error that is much smaller than one per cent, which no engineer weighs by, is taken at its word
+    told = rsgen.identify(test, LAWS["cubic"][0], mass=0.995 * MASS, mass_error=5e-4 * MASS)
+    assert [one.code for one in told.verdict.decided_by] == ["fixed-contradicted"]
 
 
 def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
