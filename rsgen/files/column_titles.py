@@ -59,7 +59,7 @@ def unit_doubts(
         if said is None or read is None:
             # a title may end like a unit of something else; volts are what a sensor gives without its factor
             bracketed = titles.get(column, "").rstrip()[-1:] in (")", "]")
-            if title in VOLTAGES or (bracketed and is_of_signal(title)):
+            if title in VOLTAGES or title.endswith("Hz") or (bracketed and is_of_signal(title)):
                 found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
         elif title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
             found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))

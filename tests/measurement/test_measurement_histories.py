@@ -200,16 +200,19 @@ def test_a_start_that_cuts_a_decay_is_named(tmp_path):
     assert "before the start that the case gives the response is up to 4.5 times" in sentence(found[0])
 
 
-def test_a_title_of_another_quantity_than_the_response_is_a_doubt(tmp_path):
+@pytest.mark.parametrize(("title", "quantities"), [
+    ("Displacement (mm)", {"displacement": False, "velocity": True}), ("freq_Hz", {"displacement": True}),
+])  # fmt: skip
+def test_a_title_of_another_quantity_than_the_response_is_a_doubt(tmp_path, title, quantities):
     """Displacements read as velocities were "identified", with a friction 14 times too large."""
     path = tmp_path / "a.csv"
     path.write_text(
-        "\n".join(["n,Displacement (mm)", *(f"{n},{a:.6f}" for n, a in enumerate(ACCELERATION[0]))]) + "\n",
-        "utf-8",
+        "\n".join([f"n,{title}", *(f"{n},{a:.6f}" for n, a in enumerate(ACCELERATION[0]))]) + "\n"
     )
-    for quantity, doubted in (("displacement", False), ("velocity", True)):
+    for quantity, doubted in quantities.items():
         rule = HistoryRule("ring-down", rate=200.0)
-        plan = history(path, force=None, response="Displacement (mm)", quantity=quantity, history=rule)
+        channel = Channel(samples=title, unit="mm" if title == "freq_Hz" else None)
+        plan = history(path, force=None, response=channel, quantity=quantity, history=rule)
         (got,) = read_histories(plan)
         assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
 
