@@ -298,8 +298,8 @@ class Findings:
         codes = ("fixed-contradicted", "mass-negative")
         if any((f.code, f.severity) == ("harmonics-across-left-out", "doubt") for f in of_law):
             # what harmonics leave of the misfit another fixed value may take up, and is as wrong for it
-            of_test = [f for f in of_test if not (f.code == codes[0] and f.parameter in problem.given)]
-        wrong = {f.parameter for f in of_test if f.code in codes and f.parameter in problem.given}
+            of_test = [f for f in of_test if not (f.code == codes[0] and f.parameter in problem.known_values)]
+        wrong = {f.parameter for f in of_test if f.code in codes and f.parameter in problem.known_values}
         for name in wrong:
             follow = consequences(self.fit, name)
             of_test = [finding for finding in of_test if finding.code not in follow]

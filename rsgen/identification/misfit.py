@@ -275,9 +275,9 @@ def _few_points(fit: Fit) -> Problem:
 def _freed(problem: Problem, start: Array, name: str) -> Fit:
     """Fit with a given value free, from values that are near."""
     others = {other: value for other, value in problem.fixed.items() if other != name}
-    whole = problem.unweighed if name == "m" else problem
+    of_points = problem.unweighed if name == "m" else problem
     # what no step could tell next to a wrong value may be told next to another one
-    return fit_near(replace(whole, fixed=others, frozen=()), start, order=START_HARMONICS)
+    return fit_near(replace(of_points, fixed=others, frozen=()), start, order=START_HARMONICS)
 
 
 def consequences(fit: Fit, name: str) -> set[str]:
@@ -295,13 +295,13 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
     A weighed mass is compared with that of the points alone. The kilogram of a force per mass was not given.
     """
     weighed = fit.problem.observed.points.weighed
-    if not (fit.problem.given and (weighed or fit.regression.rms_misfit > MISFIT_NEGLIGIBLE)):
+    if not (fit.problem.known_values and (weighed or fit.regression.rms_misfit > MISFIT_NEGLIGIBLE)):
         return []
     problem, names = _few_points(fit), (*fit.problem.law.parameters, "m")
     start, size = fit.regression.parameters, fit.regression.rms_misfit
     kept = fit_near(problem, start, order=START_HARMONICS).regression
     whole, found = kept.rms_misfit, []
-    for name, given in problem.given.items():
+    for name, given in problem.known_values.items():
         if name == "m" and surface.per_mass:
             continue
         error = weighed[1] if weighed and name not in problem.fixed else 0.0
@@ -313,8 +313,8 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
         moved = float(free.parameters[place]) - given
         times = abs(moved) / float(np.hypot(np.sqrt(free.covariance[place, place]), error))
         # next to a wrong law, background or gain no other value leaves nothing but noise
-        rest = fit.shared or is_systematic(free.residual, problem.observed.points.pairs(free.used))
-        far = abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given) or (fit.systematic and not rest)
+        patterned = fit.shared or is_systematic(free.residual, problem.observed.points.pairs(free.used))
+        far = abs(moved) > RELATIVE_CHANGE_NEGLIGIBLE * abs(given) or (fit.systematic and not patterned)
         # a small change may move the stiffness of each side by much
         moves = {} if far else largest_move(kept.parameters, free, names)
         clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE and leaves <= left

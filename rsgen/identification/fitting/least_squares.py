@@ -372,12 +372,12 @@ def descend(
     """
     used = np.ones(len(nuisance), dtype=bool) if used is None else used
     parameters, line = _solve_linear(linearise(parameters, nuisance), parameters, rules, used)
-    place, given = (parameters, nuisance, line), rules
+    place, declared = (parameters, nuisance, line), rules
     for _ in range(rules.steps):
         good = used & place[2].predicted
         if not good.any():
             break
-        rules = given.at(place[2], good)
+        rules = declared.at(place[2], good)
         step = _Step.of(place, rules, good)
         if step.gain < rules.gain:
             return *place, True

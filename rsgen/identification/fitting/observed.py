@@ -359,9 +359,9 @@ class Problem:
         return len(self.law.parameters) + 1
 
     @property
-    def given(self) -> dict[str, float]:
+    def known_values(self) -> dict[str, float]:
         """Values of parameters that are known, exactly or, as a mass that was weighed, with an error."""
-        return self.observed.points.given(self.fixed)
+        return self.observed.points.known_values(self.fixed)
 
     @property
     def unweighed(self) -> Problem:

@@ -99,7 +99,7 @@ class Points:
     def __len__(self) -> int:
         return len(self.omega)
 
-    def given(self, fixed: Mapping[str, float]) -> dict[str, float]:
+    def known_values(self, fixed: Mapping[str, float]) -> dict[str, float]:
         """Return fixed values with that of a mass which was weighed, where starts begin."""
         return {**({} if self.weighed is None else {"m": self.weighed[0]}), **fixed}
 

@@ -505,13 +505,13 @@ class PointTest(RankedTest):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
         seen, background = _start_observed(self.observed, base, given, sensors)
         self._mode = seen.mode(background)
-        self.first = measured_rows(seen, background, points.given(self.fixed).get("m", nan), sensors)
+        self.first = measured_rows(seen, background, points.known_values(self.fixed).get("m", nan), sensors)
 
     def start(self, name: str, elements: tuple[Element, ...]) -> CandidateLaw:
         """Return a law with initial values from the first-order balance."""
         points, candidate = self._mode, CandidateLaw(name, elements, {})
         law = candidate.law
-        solution = solve_equations(Equations.along(points, law, 1), law, points.given(self.fixed))
+        solution = solve_equations(Equations.along(points, law, 1), law, points.known_values(self.fixed))
         return replace(candidate, values={**law.named(solution.values), "m": solution.mass})
 
     def along(self, candidate: CandidateLaw, before: Round | None) -> PointRound | None:

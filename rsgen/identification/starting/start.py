@@ -311,7 +311,7 @@ def _nonlinear_columns(equations: Equations, law: ForceLaw, nonlinear: Array, so
 
 def start_fit(problem: Problem) -> tuple[Problem, Array]:
     """Return the problem, with frozen parameters if need be, and initial parameters (q,) from the points."""
-    start = _start_first_order(replace(problem, fixed=problem.given))
+    start = _start_first_order(replace(problem, fixed=problem.known_values))
     values, mass, background = problem.split(start)
     ordered = np.array(values)
     for part in problem.law.parts:
