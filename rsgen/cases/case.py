@@ -12,18 +12,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Union, get_args
 
-import numpy as np
 import sympy
 from pydantic import Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 
 from rsgen.cases.tables import Maker, Obeys, Quantity, Table, Text, table_of
-from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule
 from rsgen.common.errors import MeasurementError, RsgenError, one_line, shown_path
 from rsgen.common.text_table import Brief
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.data.record_set import BASE_UNITS, PlannedTest
+from rsgen.data.record_set import BASE_UNITS
 from rsgen.describing.derivation import derive
 from rsgen.dynamics.kernel_source import generate
 from rsgen.dynamics.transients import DecayTest, SweepTest
@@ -32,8 +30,6 @@ from rsgen.files.plan import LABEL, Excitation, HistoryRule, MeasuredTest
 from rsgen.files.signals import combination
 from rsgen.formula.bounds import MAX_CHARACTERS
 from rsgen.formula.names import Structural
-from rsgen.law.motion import Motion
-from rsgen.law.numeric import compile_law
 
 Formula = Annotated[str, Obeys(str, Rule(fewest=1, most=MAX_CHARACTERS))]
 
@@ -350,13 +346,7 @@ def _signal_faults(table: Any, test: MeasuredTest) -> Iterator[str]:
 
 
 # ----------------------------------------------------------------------------
-# A law tried before a run: derived, written as a kernel, and evaluated along sines of all sizes.
-
-_SIZES = np.geomspace(1e-12, 1e3, 61)
-"""Amplitudes [m] from atoms to towers, four to a decade: gaps and corners act from some of them on."""
-
-_SAMPLES = 256
-"""Of a period: enough for the sign of a work or a stiffness."""
+# A law tried before a run: derived, and written as a kernel.
 
 
 def law_faults(case: Case) -> list[str]:
@@ -381,50 +371,5 @@ def law_faults(case: Case) -> list[str]:
             faults.append(f"{place}.force: {one_line(fault)}")
     if not faults and case.oscillator is not None:
         drifts = free_mean_fault(case.oscillator, case.test)
-        never = [drifts] if drifts else _never_settles(case.oscillator, case.test)
-        faults += [f"element: {text}" for text in never]
+        faults += [f"element: {drifts}"] if drifts else []
     return [f"{shown_path(case.path)}: {fault}" for fault in faults]
-
-
-def _never_settles(oscillator: Oscillator, test: PlannedTest) -> list[str]:
-    """Say why no point of a virtual test can settle; only what is certain without simulating it."""
-    if not test.settles:
-        return []
-    law = compile_law(oscillator.force)
-    values = law.ordered(oscillator.values)
-    largest = float(test.planned_levels.max())
-    held = law.force(np.zeros(2), np.array([_SIZES[0], -_SIZES[0]]), values)
-    if held[0] >= largest and held[1] <= -largest:
-        return [
-            f"dry friction of {min(held[0], -held[1]):.4g} N holds the mass at every level; a level above it "
-            "is needed"
-        ]
-    work, push, round_off = _balance(oscillator, test)
-    if np.all(work <= round_off):
-        return [
-            "no damping: the law takes no energy out of a motion of any amplitude, so that none settles; a "
-            "damper whose force has the sign of v is needed"
-        ]
-    if np.all(push < 0):
-        return [
-            "negative stiffness: the law pushes the mass away at every amplitude, so that no motion settles; "
-            "a spring whose force has the sign of x, at small or at large amplitudes, is needed"
-        ]
-    return []
-
-
-def _balance(oscillator: Oscillator, test: PlannedTest) -> tuple[Array, Array, Array]:
-    """Work and push of the law on sines of all sizes at the ends of the band, and the round-off of the work.
-
-    No sample of a sine is at rest or at a turning point.
-    """
-    law = compile_law(oscillator.force)
-    size, omega = (grid.ravel() for grid in np.meshgrid(_SIZES, 2 * np.pi * test.ends, indexing="ij"))
-    motion = Motion(omega, np.outer(size, [0, np.exp(1j * np.pi / _SAMPLES)]))
-    x, v, _ = motion.waveforms(_SAMPLES)
-    force = law.along(motion, law.ordered(oscillator.values), _SAMPLES).force
-    # no number, where the law overflows, is no evidence
-    with np.errstate(over="ignore", invalid="ignore"):
-        work, push = np.sum(force * v, axis=1), np.sum(force * x, axis=1)
-        round_off = _SAMPLES * np.finfo(float).eps * np.sum(np.abs(force * v), axis=1)
-    return work, push, round_off

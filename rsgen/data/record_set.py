@@ -309,16 +309,6 @@ class PlannedTest(ABC):
         return False
 
     @property
-    def settles(self) -> bool:
-        """Return whether the response must settle under a given force before it is recorded."""
-        return False
-
-    @property
-    def ends(self) -> Array:
-        """(e,) frequencies [Hz] at which a law is tried with sines before the run."""
-        return np.zeros(0)
-
-    @property
     def planned_levels(self) -> Array:
         """(l,) levels that are known beforehand."""
         return np.zeros(0)

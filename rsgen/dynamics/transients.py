@@ -148,11 +148,6 @@ class SweepTest(HistoryTest):
             yield "rate", f"{self.rate:g} Hz; at least {_MIN_SAMPLES_OF_PERIOD} times the highest frequency"
         yield from HistoryTest.faults(self)
 
-    @property
-    def ends(self) -> Array:
-        """(2,) frequencies [Hz] at which a law is tried with sines before the run."""
-        return np.array(self.band)
-
     def known_mass(self, mass: float | None) -> float | None:
         """Return None: forces in N determine the mass."""
         return None

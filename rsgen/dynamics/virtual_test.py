@@ -198,16 +198,6 @@ class SimulatedTest(VirtualTest):
         """True if the law is integrated in time."""
         return self.method == "time" and self.control == "force"
 
-    @property
-    def settles(self) -> bool:
-        """True if every point must settle to a steady state under a given force."""
-        return self.in_time
-
-    @property
-    def ends(self) -> Array:
-        """(2,) frequencies [Hz] at which a law is tried with sines before the run."""
-        return self.frequency[[0, -1]]
-
     def known_mass(self, mass: float | None) -> float | None:
         """Return the mass [kg] of a shaken base or at phase resonance alone, where the test tells none."""
         resonant = all(abs(lag + self.phase_error - pi / 2) < MAX_RESONANT_LAG for lag in self.lags)

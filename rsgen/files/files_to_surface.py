@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from math import nan
 from pathlib import Path
 from typing import cast
@@ -48,14 +47,12 @@ from rsgen.formula.units import sensor_size
 from rsgen.law.motion import cycle_work
 
 # ----------------------------------------------------------------------------
-# Consistency of the runs of one test: copies, branches.
+# Copies among the runs of one test.
 
 _MAX_RUNS_COMPARED = 60
 """Runs that are compared with each other at most; each with each would take long for thousands."""
 _MIN_SHARE_OF_REPEATED_ROWS = 0.2
 """From this share of rows on that are the one before, an export wrote rows twice."""
-_MIN_RATIO_OF_BRANCHES = 1.5
-"""Amplitudes of a larger ratio lie on two branches."""
 
 
 def repeated_rows(frequency: Array, force: ComplexArray, response: ComplexArray) -> NDArray[np.bool_]:
@@ -78,37 +75,6 @@ def _runs(surface: ResponseSurface, block: NDArray[np.int64]) -> list[NDArray[np
         rows.setdefault(key, []).append(row)
     found = [np.array(at) for at in rows.values() if len(at) >= MIN_POINTS_OF_RUN]
     return found[:_MAX_RUNS_COMPARED]
-
-
-def tell_branches_apart(surface: ResponseSurface, block: NDArray[np.int64]) -> NDArray[np.str_]:
-    """(n,) directions, where two runs of one level and direction lie on two branches.
-
-    A table sorted by frequency says nothing of its sweep. Of two branches at one level the upper one is
-    reached upwards where it rises with the frequency (a hardening mode), else downwards.
-    """
-    sweep = np.array(surface.sweep)
-    for first, second in combinations(_runs(surface, block), 2):
-        alike = surface.level[first[0]] == surface.level[second[0]] and sweep[first[0]] == sweep[second[0]]
-        if not alike or sweep[first[0]] == "rest":
-            continue
-        f, size = surface.frequency, surface.amplitude
-        order = second[np.argsort(f[second], kind="stable")]
-        inside = first[(f[first] >= f[order[0]]) & (f[first] <= f[order[-1]])]
-        if not len(inside):
-            continue
-        ratio = size[inside] / np.interp(f[inside], f[order], size[order])
-        above, below = ratio > _MIN_RATIO_OF_BRANCHES, ratio < 1 / _MIN_RATIO_OF_BRANCHES
-        if not max(above.sum(), below.sum()) >= 3 or (above.any() and below.any()):
-            continue
-        upper, lower = (first, second) if above.any() else (second, first)
-        low, high = f[inside[above | below]].min(), f[inside[above | below]].max()
-        both = upper[(f[upper] >= low) & (f[upper] <= high)]
-        if len(np.unique(f[both])) < 2:
-            # a single point of the upper run does not rise or fall
-            continue
-        hardens = np.polyfit(f[both], size[both], 1)[0] > 0
-        sweep[upper], sweep[lower] = ("up", "down") if hardens else ("down", "up")
-    return sweep
 
 
 # ----------------------------------------------------------------------------
@@ -402,8 +368,6 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
     of_runs = _run_findings(test, surface, names, block, drive if known else None)
     surface = replace(surface, findings=(*surface.findings, *of_runs))
-    if test.recognises_sweeps:
-        surface = _with_directions(surface, block)
     if followed or test.level.spread is not None or (run is None and test.control != "response"):
         return surface
     return name_levels(surface, test, known, any(part.unit_said for part in parts))
@@ -430,16 +394,6 @@ def _run_findings(
         ]
         consistent += runs_of_one_level(runs, surface.level_unit)
     return consistent
-
-
-def _with_directions(surface: ResponseSurface, block: NDArray[np.intp]) -> ResponseSurface:
-    """Return the surface with the directions of sweeps that two branches show."""
-    sweep = tell_branches_apart(surface, block)
-    turned = quantities(points=int(np.count_nonzero(sweep != surface.sweep)))
-    if not turned["points"].value:
-        return surface
-    finding = Finding("direction-from-branch", "info", numbers=turned)
-    return replace(surface, sweep=sweep, findings=(*surface.findings, finding))
 
 
 def _levels_of_histories(

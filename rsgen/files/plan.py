@@ -388,13 +388,10 @@ class MeasuredTest(PlannedTest):
 
     def summary(self) -> dict[str, Any]:
         """Return the kind of test and its file, without the extent of its records."""
-        return {"kind": "measured", "file": self.file.name, "sweeps_recognised": self.recognises_sweeps}
-
-    @property
-    def recognises_sweeps(self) -> bool:
-        """True if the directions of a table are taken from the order of its rows."""
-        recognised = self.sweep.direction == "recognise"
-        return recognised and self.history is None and self.control != "continuation"
+        # the directions of a table are taken from the order of its rows
+        recognised = self.sweep.direction == "recognise" and self.history is None
+        by_rows = recognised and self.control != "continuation"
+        return {"kind": "measured", "file": self.file.name, "sweeps_recognised": by_rows}
 
     def origin(self) -> dict[str, str]:
         """Return names and values for the provenance of a result."""

@@ -309,8 +309,7 @@ def test_data_folders(tmp_path, monkeypatch):
     },
 ])  # fmt: skip
 def test_a_law_is_tried_before_a_virtual_record_in_time(tmp_path, test):
-    """A decay has no levels that were planned; nothing settles before it is recorded."""
+    """A decay has no levels that were planned."""
     case = load_case(write_small(tmp_path, test=test))
-    assert not case.test.settles
     assert case.test.in_time
     assert law_faults(case) == []

@@ -305,14 +305,3 @@ def test_a_wildcard_in_quotes_stands_for_its_files_and_an_open_todo_is_said(tmp_
     assert ended.code == 1
     assert "not confirmed" in ended.out.lower()
     assert "not confirmed" not in run_cli("check", ROOT / "cases" / "formats" / "csv-magnitude.toml").out
-
-
-def test_a_draft_shows_how_a_level_of_its_files_is_held_out_and_one_between_them_predicted(tmp_path, run_cli):
-    for level in (2, 7, 11):
-        shutil.copy(ROOT / "cases" / "formats" / "magnitude_1.0N.csv", tmp_path / f"step_{level}N.csv")
-    path = tmp_path / "case.toml"
-    assert run_cli("init", "--from", *sorted(tmp_path.glob("*.csv")), path).code == 0
-    text = path.read_text()
-    assert '# [identify]\n# hold_out = ["7 N"]' in text
-    assert '# predict  = ["9 N"]' in text
-    assert "check says which is wrong" not in text

@@ -84,9 +84,6 @@ def test_sheets_with_the_same_titles_are_levels_called_by_their_names(draft, run
     held = surface.held_out(load_case(case).observation.hold_out)
     assert set(surface.label[held]) == {1.0}
     assert run_cli("check", case).out.endswith("note: not read of book.xlsx: Background/*\n")
-    (path,) = load_case(case).test.files
-    assert run_cli("init", "--from", path, path.with_name("new.toml")).code == 0
-    assert 'hold_out = ["7 V"]' in path.with_name("new.toml").read_text(encoding="utf-8")
     lags = next(line for line in case.read_text(encoding="utf-8").splitlines() if "Phase [deg]" in line)
     first = draft(
         *((f"* V/{title}", f"0.25 V/{title}") for title in TITLES), (LEVEL, ""), ('unit = "label"', "")

@@ -89,20 +89,6 @@ def test_rows_written_twice_count_once(tmp_path, noisy):
     assert surface.findings[0]["rows"] == 41
 
 
-@pytest.mark.parametrize(("hardens", "upper"), [(True, "up"), (False, "down")])
-def test_an_upper_branch_is_no_upward_sweep_where_a_mode_softens(tmp_path, hardens, upper):
-    """Two files sorted by frequency were called upward sweeps, one the upper branch of a softening mode."""
-    high = np.linspace(1, 3, 41) if hardens else np.linspace(3, 1, 41)
-    low = np.linspace(0.3, 0.4, 41)
-    paths = write(tmp_path / "upper.csv", 1.0, high), write(tmp_path / "lower.csv", 1.0, low)
-    surface = read(*paths)
-    assert set(surface.sweep[:41]) == {upper}
-    assert set(surface.sweep[41:]) == {"down" if upper == "up" else "up"}
-    (said,) = [finding for finding in surface.findings if finding.code == "direction-from-branch"]
-    assert said["points"] == 41
-    assert set(read(*paths, sweep=SweepRule(direction="up")).sweep) == {"up"}
-
-
 MASS, STIFFNESS, DAMPING = 2.0, 2e4, 6.0
 BAND = np.arange(13.0, 20.0, 0.1)
 

@@ -163,7 +163,7 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     ),
     (
         {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0}, {"values": (1, 3, 3)}, [1, 3],
-        {"levels-disagree": "doubt", "direction-from-branch": "info"},
+        {"levels-disagree": "doubt"},
     ),
     (ALIKE, {"name": "{level}.csv"}, [1, 3, 9], {"levels-of-one-force": "doubt"}),
     (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], {"levels-disagree": "info"}),

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 import shlex
-import tomllib
 from collections.abc import Mapping
 from os.path import commonpath
 from pathlib import Path
@@ -25,7 +23,6 @@ from rsgen.files.inspection.clues import TODO
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import propose
 from rsgen.files.nominal_levels import level_form
-from rsgen.files.plan import LABEL
 from rsgen.formula.names import remembers, symbol
 from rsgen.formula.printing import write
 from rsgen.formula.unit_deduction import parameter_units
@@ -92,26 +89,7 @@ def case_text(name: str, law: str, test: str | None = None, memory: Mapping[str,
         elements=[(element, write(part), equations_of(part)) for element, part in elements],
         truth=[(f"{name:<{width}}", _value(units.get(name, ""))) for name in names],
         tables=test,
-        levels=_example_levels(test),
     )
-
-
-def _example_levels(test: str | None) -> tuple[str, str]:
-    """Return a level to hold out and one to predict: the names of files say them, else examples."""
-    table = tomllib.loads(test or "").get("test", {})
-    form, files = table.get("level", {}).get("name", ""), table.get("file", "")
-    before, found, after = form.partition("{level}")
-    unit = re.match("[munk]?N", after)
-    if table.get("level", {}).get("unit") == LABEL:
-        return f"7{'' if before else after}", "8 N"
-    if not (found and unit and isinstance(files, list)) or "*" in before:
-        return "7 N", "8 N"
-    texts = (Path(file).name.removeprefix(before).partition(after.partition("*")[0])[0] for file in files)
-    amounts = sorted({float(text.replace(",", ".").replace("p", ".")) for text in texts})
-    if len(amounts) < 2:
-        return "7 N", "8 N"
-    held, most = amounts[-2:]
-    return f"{held:g} {unit[0]}", f"{(held + most) / 2:g} {unit[0]}"
 
 
 def _folder_of(files: list[Path], target: Path) -> Path:
