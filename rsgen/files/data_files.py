@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import stat
 import sys
 from collections.abc import Callable
@@ -15,10 +14,6 @@ from typing import IO
 from rsgen.common.errors import MeasurementError, near_file, shown_path
 
 MAX_TEXT_BYTES = 256 * 2**20
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
-"""How a text of two bytes a sign begins."""
-_MAX_UTF_16_BYTES = 64 * 2**20
-"""Larger texts of two bytes a sign are refused: they are held in memory as a whole."""
 
 _LABVIEW = b"LabVIEW Measurement"
 """How LabVIEW's measurement files begin; those without a header are columns of text."""
@@ -137,18 +132,21 @@ _OTHERS = (
 """Other files that laboratories send: place of the signature, signature, what it is."""
 
 
-def check_digest(name: str, found: str, expected: str) -> None:
-    """Refuse a file whose SHA-256 is not the expected one.
+def check_digest(file: IO[bytes], name: str, expected: str | None) -> None:
+    """Refuse an open file whose SHA-256 is not the expected one, if one is; it is then read from its begin.
 
     Raises
     ------
     MeasurementError
         It is another one.
     """
+    # any IO[bytes] will do at run time; the stubs ask for a narrower protocol
+    found = expected and hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
     if found != expected:
         raise MeasurementError(
             f"{name}: SHA-256 is {found}; the case expects {expected}: another file, or a changed one"
         )
+    file.seek(0)
 
 
 def open_regular(path: Path, most: int) -> IO[bytes]:
@@ -199,38 +197,3 @@ def recognise_format(path: Path) -> str:
     by_head = (row.name for row in FORMATS.values() if row.begins(head))
     by_ending = (row.name for row in FORMATS.values() if ending in row.endings)
     return next(by_head, None) or next(by_ending, "csv")
-
-
-class Rewritten(io.BytesIO):
-    """A text that came in two bytes a sign, as UTF-8; its bytes are hashed already."""
-
-
-def open_text(path: Path, digest: hashlib._Hash) -> IO[bytes]:
-    """Open a text; one of two bytes a sign (UTF-16 with its mark) is hashed and given as UTF-8.
-
-    Raises
-    ------
-    MeasurementError
-        Missing, no regular file, too large, or no legal UTF-16.
-    """
-    name = shown_path(path)
-    file = open_regular(path, MAX_TEXT_BYTES)
-    try:
-        if not file.read(2).startswith(_UTF_16):
-            file.seek(0)
-            return file
-        file.seek(0)
-        raw = file.read(_MAX_UTF_16_BYTES + 1)
-    except OSError as fault:
-        file.close()
-        raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
-    file.close()
-    if len(raw) > _MAX_UTF_16_BYTES:
-        raise MeasurementError(
-            f"{name}: more than {_MAX_UTF_16_BYTES} bytes of UTF-16; save the file as UTF-8"
-        )
-    digest.update(raw)
-    try:
-        return Rewritten(raw.decode("utf-16").encode("utf-8"))
-    except UnicodeError as fault:
-        raise MeasurementError(f"{name}: line 1: is no legal UTF-16; save the file as UTF-8") from fault

@@ -14,7 +14,6 @@ system can count that; the wait is one of the clock, and ends it everywhere.
 from __future__ import annotations
 
 import codecs
-import hashlib
 import io
 import json
 import signal
@@ -142,13 +141,6 @@ class _Process:
         return values
 
 
-def _hash(file: IO[bytes]) -> str:
-    # any IO[bytes] will do at run time; the stubs ask for a narrower protocol
-    digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
-    file.seek(0)
-    return digest
-
-
 def reading_fault() -> str | None:
     """Say what this system does not limit while a binary file is read; None where every limit holds."""
     if not find_spec("resource"):
@@ -181,8 +173,7 @@ def _reading(
     with open_regular(path, tree.LARGEST_BYTES) as file:
         size = file.seek(0, 2)
         file.seek(0)
-        if sha256 is not None:
-            check_digest(name, _hash(file), sha256)
+        check_digest(file, name, sha256)
         with _Process(file, name, {"format": form, "wanted": wanted}, _seconds(size, form)) as process:
             try:
                 yield process, process.answer(), size

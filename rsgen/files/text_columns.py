@@ -7,12 +7,11 @@ and whatever else is no plain finite number refuses the file with the line.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import os
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path, suggest
 from rsgen.files.column_titles import join_units
-from rsgen.files.data_files import MAX_TEXT_BYTES, Rewritten, check_digest, open_text
+from rsgen.files.data_files import MAX_TEXT_BYTES, check_digest, open_regular
 from rsgen.files.signals import star_pattern
 from rsgen.files.tree import MAX_CHANNELS
 
@@ -108,21 +107,16 @@ class TextLines:
     Parameters
     ----------
     file, name
-        Opened by ``open_text``, and what messages call it.
-    digest
-        Takes up the bytes of every line.
+        The file, and what messages call it.
     encoding
         "auto" for UTF-8, else Windows' Latin; or a name of Python's.
     """
 
-    def __init__(self, file: IO[bytes], name: str, digest: hashlib._Hash, encoding: str = "auto") -> None:
+    def __init__(self, file: IO[bytes], name: str, encoding: str = "auto") -> None:
         self.number = 0
         """Lines given so far."""
-        self._file, self._name, self._digest = file, name, digest
-        self._rewritten = isinstance(file, Rewritten)
-        encoding = "utf-8" if self._rewritten else encoding
+        self._file, self._name = file, name
         self._encodings = ("utf-8", "cp1252") if encoding == "auto" else (encoding,)
-        self._read = 0
 
     def lines(self) -> Iterator[tuple[int, str]]:
         """Return number and text of each line; a block that is taken between two of them is left out.
@@ -132,48 +126,30 @@ class TextLines:
         MeasurementError
             A line is too long, has a zero byte or a carriage return in it, or another encoding.
         """
-        while raw := self._taken(self._file.readline(MAX_LINE + 1)):
+        while raw := self._file.readline(MAX_LINE + 1):
             yield self._text(raw)
 
     def texts(self, block: bytes) -> Iterator[tuple[int, str]]:
         """Return number and text of each line of a block; raises as ``lines``."""
-        return map(self._text, _split(block))
+        # bytes.splitlines would end lines at a carriage return, too
+        return map(self._text, io.BytesIO(block))
 
     def block(self) -> bytes:
-        """Return complete lines of about ``BLOCK_BYTES`` bytes, not yet counted; nothing at the end.
-
-        Raises
-        ------
-        MeasurementError
-            The file is longer than a text may be.
-        """
+        """Return complete lines of about ``BLOCK_BYTES`` bytes, not yet counted; nothing at the end."""
         begin = self._file.read(BLOCK_BYTES)
         if begin and not begin.endswith(b"\n"):
             begin += self._file.readline(MAX_LINE + 1)
-        return self._taken(begin)
-
-    def _taken(self, raw: bytes) -> bytes:
-        self._read += len(raw)
-        if self._read > MAX_TEXT_BYTES:
-            raise self._too_long(self.number + 1)
-        if not self._rewritten:
-            self._digest.update(raw)
-        return raw
-
-    def _too_long(self, number: int) -> MeasurementError:
-        return MeasurementError(
-            f"{self._name}: line {number}: longer than {MAX_LINE} bytes; is it a text file?"
-        )
+        return begin
 
     def _text(self, raw: bytes) -> tuple[int, str]:
         self.number += 1
         place = f"{self._name}: line {self.number}"
         if len(raw) > MAX_LINE:
-            raise self._too_long(self.number)
+            raise MeasurementError(f"{place}: longer than {MAX_LINE} bytes; is it a text file?")
         if self.number == 1:
             raw = raw.removeprefix(b"\xef\xbb\xbf")
         if b"\x00" in raw:
-            raise MeasurementError(f"{place}: contains a zero byte; a text file is needed")
+            raise MeasurementError(f"{place}: contains a zero byte; save the file as text in UTF-8")
         text = decoded(raw, self._encodings)
         if text is None:
             raise MeasurementError(
@@ -184,12 +160,6 @@ class TextLines:
         if "\r" in text:
             raise MeasurementError(f"{place}: a carriage return inside the line; end lines with \\n")
         return self.number, text
-
-
-def _split(block: bytes) -> Iterable[bytes]:
-    # bytes.splitlines would end lines at a carriage return, too
-    *lines, last = block.split(b"\n")
-    return [line + b"\n" for line in lines] + ([last] if last else [])
 
 
 # ----------------------------------------------------------------------------
@@ -426,12 +396,6 @@ class _Table:
             self.settle(line, text)
 
 
-def _ends_with_line(file: IO[bytes]) -> bool:
-    size = file.seek(0, os.SEEK_END)
-    file.seek(max(size - 1, 0))
-    return file.read(1) in (b"", b"\n")
-
-
 def _fill(table: _Table, source: TextLines, skip: int) -> None:
     """Take lines one by one up to the first row of numbers, then by blocks where all lines are such rows."""
     for line, text in source.lines():
@@ -476,21 +440,19 @@ def read_columns(
         differs.
     """
     name = shown_path(path)
-    digest = hashlib.sha256()
     table = _Table(name, layout, wanted)
-    with open_text(path, digest) as file:
-        source = TextLines(file, name, digest, layout.encoding)
+    with open_regular(path, MAX_TEXT_BYTES) as file:
+        source = TextLines(file, name, layout.encoding)
         try:
+            check_digest(file, name, sha256)
             _fill(table, source, layout.skip)
-            ended = _ends_with_line(file)
+            rows = len(table.lines)
+            if not rows:
+                raise MeasurementError(f"{name}: no numbers in it; at least one row is needed")
+            file.seek(-1, os.SEEK_END)
+            ended = file.read() == b"\n"
         except OSError as fault:
             raise MeasurementError(f"{name}: cannot be read: {fault.strerror}; try again") from fault
-    found = digest.hexdigest()
-    if sha256 is not None:
-        check_digest(name, found, sha256)
-    rows = len(table.lines)
-    if not rows:
-        raise MeasurementError(f"{name}: no numbers in it; at least one row is needed")
     return Columns(
         values=np.array(table.values).reshape(rows, len(table.places)),
         line=np.array(table.lines, dtype=np.int64),

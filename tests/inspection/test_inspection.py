@@ -1,6 +1,5 @@
 """What is in a file is shown, and the case that is proposed for it reads it."""
 
-import hashlib
 import itertools
 import json
 import tomllib
@@ -261,7 +260,7 @@ def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes("f;F;\u5909\u4f4d\n1;1;2\n2;1;3\n".encode("shift_jis"))
     with path.open("rb") as file:
-        _, text = next(TextLines(file, "a", hashlib.sha256(), "shift_jis").lines())
+        _, text = next(TextLines(file, "a", "shift_jis").lines())
     assert text.split(";")[2] == "\u5909\u4f4d"
     with pytest.raises(MeasurementError, match=r"line 1: not utf-8; .* test\.layout\.encoding"):
         read_columns(path, Layout(encoding="utf-8"), [1])

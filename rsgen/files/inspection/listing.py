@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections import ChainMap, Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, shown_path
 from rsgen.files import text_columns
 from rsgen.files.column_titles import is_unit, unit_in
-from rsgen.files.data_files import open_text, recognise_format
+from rsgen.files.data_files import MAX_TEXT_BYTES, open_regular, recognise_format
 from rsgen.files.inspection.clues import plain_unit
 from rsgen.files.plan import Layout, MeasuredTest
 from rsgen.files.sandbox import list_binary
@@ -109,16 +108,6 @@ def _layout(lines: Sequence[tuple[int, str]], label: str) -> tuple[Layout, int]:
     return layout, first
 
 
-def _is_foreign(lines: Iterable[bytes]) -> bool:
-    """Return True if a line is not UTF-8."""
-    try:
-        for line in lines:
-            line.decode("utf-8")
-    except UnicodeDecodeError:
-        return True
-    return False
-
-
 def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
     """Return the lines from which the layout is recognised, the first ones whatever their lengths."""
     left = LAYOUT_BYTES
@@ -131,10 +120,10 @@ def _beginning(lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 
 def _list_text(path: Path) -> Contents:
     label = shown_path(path)
-    with open_text(path, hashlib.sha256()) as file:
-        begin = list(_beginning(text_columns.TextLines(file, label, hashlib.sha256()).lines()))
+    with open_regular(path, MAX_TEXT_BYTES) as file:
+        begin = list(_beginning(text_columns.TextLines(file, label).lines()))
         file.seek(0)
-        foreign = _is_foreign(islice(file, LAYOUT_LINES))
+        foreign = any(text_columns.decoded(line, ["utf-8"]) is None for line in islice(file, LAYOUT_LINES))
     comments = Layout().comments
     lines = [(n, text) for n, text in begin if text.strip() and not text.lstrip().startswith(comments)]
     if not lines:
