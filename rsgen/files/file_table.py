@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -34,17 +35,6 @@ _SCALES = {
     "half-peak": ("halves of the peak amplitudes", "factor = 2"),
 }
 """Kind of the amplitudes of a file by its word for them, and the entry that the case needs."""
-
-
-def _left_to_file(test: MeasuredTest) -> dict[int | str, Channel]:
-    """Return the channel of each column whose unit is taken from the file."""
-    return {
-        column: channel
-        for channel in test.sources
-        if channel.unit is None and test.calibrated
-        for column in channel.columns
-        if column != channel.phase
-    }
 
 
 def _check_scale(test: MeasuredTest, label: str, column: int | str, array: StoredArray) -> None:
@@ -90,7 +80,13 @@ def to_si(test: MeasuredTest, label: str, groups: Groups) -> tuple[Finding, ...]
         The file contradicts itself about a unit, or the case about the kind of amplitudes.
     """
     findings = {}
-    left = _left_to_file(test)
+    left = {
+        column: channel
+        for channel in test.sources
+        if channel.unit is None and test.calibrated
+        for column in channel.columns
+        if column != channel.phase
+    }
     for address, channels in groups.items():
         source = left.get(address)
         target = test.unit_of(source) if source else ""
@@ -162,14 +158,6 @@ class Table:
     names: dict[int | str, str] = field(default_factory=dict)
     units: dict[int | str, str] = field(default_factory=dict)
     entries: tuple[str, ...] = ()
-
-    @property
-    def complete(self) -> NDArray[np.bool_]:
-        """(n,) whether every column has a finite number in the row."""
-        complete = np.ones(len(self.number), dtype=np.bool_)
-        for values in self.columns.values():
-            complete &= np.isfinite(values)
-        return complete
 
     def refuse(self, bad: NDArray[np.bool_], what: str) -> None:
         """Raise a fault that names the first bad row, if there is one."""
@@ -268,13 +256,6 @@ def _about_rows(label: str, text: Columns, vouched: bool) -> Iterator[Finding]:
         yield Finding("last-line-open", "info", names={"file": label})
 
 
-def _column(text: Columns, place: int, name: int | str) -> StoredArray:
-    title = text.names[place]
-    unit = unit_in(title)
-    source = "the title of the column" if unit else ""
-    return StoredArray(title or str(name), text.values[:, place], unit, source)
-
-
 def read_channels(
     test: MeasuredTest, path: Path, wanted: Sequence[int | str], sha256: str | None
 ) -> tuple[Groups, tuple[Finding, ...], Columns | None]:
@@ -290,9 +271,13 @@ def read_channels(
         groups = dict(zip(wanted, read_binary(path, form, wanted, sha256), strict=True))
         return groups, to_si(test, label, groups), None
     text = read_columns(path, test.layout, wanted, sha256)
-    places = iter(range(len(text.names)))
-    spans = zip(wanted, text.spans, strict=True)
-    groups = {name: [_column(text, next(places), name) for _ in range(span)] for name, span in spans}
+    columns = zip(text.names, text.values.T, strict=True)
+    groups = {name: [] for name in wanted}
+    for name, span in zip(wanted, text.spans, strict=True):
+        for title, values in islice(columns, span):
+            unit = unit_in(title)
+            source = "the title of the column" if unit else ""
+            groups[name].append(StoredArray(title or str(name), values, unit, source))
     return groups, (*to_si(test, label, groups), *_about_rows(label, text, sha256 is not None)), text
 
 
@@ -375,11 +360,6 @@ class Sources:
         """Keep some rows of all tables."""
         return replace(self, tables={path: table.keep(mask) for path, table in self.tables.items()})
 
-    def amplitude(self, channel: Channel, what: str) -> ComplexArray:
-        """(n,) complex peak amplitude of a channel, its quantity in SI."""
-        table = self.tables[file_of(self.test, channel, self.number)]
-        return _signal(table, channel, self.test.scale_of(channel), what)
-
     def sum(self, what: str, frequency: Array, level: Array | None = None) -> ComplexArray:
         """(n,) the sum that ``what`` is made of: a force [N], or a displacement [m].
 
@@ -388,7 +368,11 @@ class Sources:
         omega = 2 * np.pi * frequency
         total = np.zeros(len(frequency), dtype=np.complex128)
         for factor, channel in self.test.terms(what):
-            size = np.asarray(level) + 0j if channel.nominal else self.amplitude(channel, what)
+            if channel.nominal:
+                size = np.asarray(level) + 0j
+            else:
+                table = self.tables[file_of(self.test, channel, self.number)]
+                size = _signal(table, channel, self.test.scale_of(channel), what)
             part = factor * size
             if channel.quantity != "force":
                 part = part / (1j * omega) ** DERIVATIVE[channel.quantity or "displacement"]
@@ -457,19 +441,15 @@ def read_sources(test: MeasuredTest, number: int) -> Sources:
 def _whole_rows(sources: Sources) -> Sources:
     """Leave out rows in which a number is missing, and say how many they are."""
     tables, main = sources.tables, sources.main
-    keep = np.logical_and.reduce([table.complete for table in tables.values()])
+    columns = [(name, np.isfinite(one)) for table in tables.values() for name, one in table.columns.items()]
+    keep = np.logical_and.reduce([finite for _, finite in columns])
     if keep.all():
         return sources
     lost = np.flatnonzero(~keep)
     place = f"{main.unit_of_place} {int(main.number[lost[0]])}"
     if not keep.any():
-        gaps = [
-            quote(name)
-            for table in tables.values()
-            for name, values in table.columns.items()
-            if not np.isfinite(values).any()
-        ]
-        where = f"{' and '.join(dict.fromkeys(gaps))} has none" if gaps else f"the first gap is in {place}"
+        gaps = dict.fromkeys(quote(name) for name, finite in columns if not finite.any())
+        where = f"{' and '.join(gaps)} has none" if gaps else f"the first gap is in {place}"
         raise MeasurementError(f"{main.label}: no row with a number in every column asked for; {where}")
     numbers = quantities(rows=len(lost), all=len(keep))
     names = {"file": main.label, "first": place, "by": "no number"}

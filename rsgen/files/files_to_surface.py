@@ -49,8 +49,6 @@ from rsgen.law.motion import cycle_work
 # ----------------------------------------------------------------------------
 # Copies among the runs of one test.
 
-_MAX_RUNS_COMPARED = 60
-"""Runs that are compared with each other at most; each with each would take long for thousands."""
 _MIN_SHARE_OF_REPEATED_ROWS = 0.2
 """From this share of rows on that are the one before, an export wrote rows twice."""
 
@@ -64,17 +62,6 @@ def repeated_rows(frequency: Array, force: ComplexArray, response: ComplexArray)
     same[1:] = np.all([values[1:] == values[:-1] for values in (frequency, force, response)], axis=0)
     written_twice = same.sum() >= max(MIN_POINTS_OF_RUN, _MIN_SHARE_OF_REPEATED_ROWS * len(same))
     return same if written_twice else np.zeros_like(same)
-
-
-def _runs(surface: ResponseSurface, block: NDArray[np.int64]) -> list[NDArray[np.intp]]:
-    """Rows of each block, level and direction, in the order of the test."""
-    names = np.stack([block, np.unique(surface.level, return_inverse=True)[1]], axis=1)
-    keys = [(*pair.tolist(), str(sweep)) for pair, sweep in zip(names, surface.sweep, strict=True)]
-    rows: dict[tuple[object, ...], list[int]] = {}
-    for row, key in enumerate(keys):
-        rows.setdefault(key, []).append(row)
-    found = [np.array(at) for at in rows.values() if len(at) >= MIN_POINTS_OF_RUN]
-    return found[:_MAX_RUNS_COMPARED]
 
 
 # ----------------------------------------------------------------------------
@@ -296,16 +283,6 @@ def _driven(sources: Sources, frequency: Array, level: Array | None) -> tuple[Co
     return force, motions
 
 
-def _blocks(part: _Part) -> range:
-    return range(int(part.block[-1]) + 1)
-
-
-def _called(test: MeasuredTest, number: int, entry: int) -> str:
-    """Call a block of a file."""
-    name = shown_path((test.response.files or test.files)[number])
-    return f"{name}, part {entry + 1}" if len(test.files) == 1 else name
-
-
 def _drive(test: MeasuredTest, force: ComplexArray, frequency: Array) -> ComplexArray:
     """(n,) what levels are amounts of: the force, or the motion of the base, in the phase of the force."""
     if test.base is None:
@@ -365,7 +342,10 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
         stable=stable_points(frequency, drive, size) if followed else None,
         findings=tuple(findings),
     )
-    names = [_called(test, number, entry) for number, part in enumerate(parts) for entry in _blocks(part)]
+    files = map(shown_path, test.response.files or test.files)
+    blocks = [(file, range(count)) for file, count in zip(files, np.diff(counts), strict=True)]
+    parted = len(test.files) == 1
+    names = [f"{file}, part {n + 1}" if parted else file for file, entries in blocks for n in entries]
     of_runs = _run_findings(test, surface, names, block, drive if known else None)
     surface = replace(surface, findings=(*surface.findings, *of_runs))
     if followed or test.level.spread is not None or (run is None and test.control != "response"):
@@ -381,10 +361,16 @@ def _run_findings(
     drive: Array | None,
 ) -> list[Finding]:
     """Find runs that are the same, and with the drive (n,) of known levels those whose drives contradict."""
-    # of response over force a linear structure has the same at every level
-    rows_of_runs = [] if test.per_force else _runs(surface, block)
     points = np.stack([surface.frequency, surface.harmonics[:, 1]], axis=1)
-    consistent = repeated_run((names[block[at[0]]], points[at]) for at in rows_of_runs)
+    runs_of = np.stack(
+        [block, *(np.unique(one, return_inverse=True)[1] for one in (surface.level, surface.sweep))]
+    )
+    _, run = np.unique(runs_of, axis=1, return_inverse=True)
+    # of response over force a linear structure has the same at every level
+    rows_of_runs = [] if test.per_force else [np.flatnonzero(run == n) for n in range(run.max() + 1)]
+    consistent = repeated_run(
+        (names[block[at[0]]], points[at]) for at in rows_of_runs if len(at) >= MIN_POINTS_OF_RUN
+    )
     if drive is not None and test.control in ("force", "phase"):
         rows = [block == number for number in range(len(names))]
         runs = [
