@@ -6,19 +6,18 @@ Source of the format .lvm: "Specification for the LabVIEW Measurement File (.lvm
 from __future__ import annotations
 
 import io
-import re
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from math import inf, isfinite, nan
+from math import isfinite, isinf, nan
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError
-from rsgen.files.text_columns import MAX_NUMBER_LENGTH, MISSING, decoded, number_in
+from rsgen.files.text_columns import MISSING, decoded, number_in
 from rsgen.files.tree import MAX_CHANNELS, Node, array_bytes, is_wanted
 
 _END = "***End_of_Header***"
@@ -31,8 +30,6 @@ _LONG_UNITS = {
 }  # fmt: skip
 _DIMENSIONS = {"time": "s", "frequency": "Hz"}
 """Units of the abscissa where only its dimension is named."""
-# what float() and the careful reading take alike
-_PLAIN = re.compile(r"[0-9eE+\-.,;\s]*\Z", re.ASCII)
 
 
 @dataclass(slots=True)
@@ -144,23 +141,13 @@ class _Reader:
         return None
 
     def row(self, segment: _Segment, cells: list[str]) -> None:
-        text = " ".join(cells)
-        if _PLAIN.match(text) and len(text) < MAX_NUMBER_LENGTH and not (self.decimal == "," and "." in text):
-            spelled = cells if self.decimal == "." else [cell.replace(",", ".") for cell in cells]
-            try:
-                numbers = [float(cell) if cell else nan for cell in spelled]
-            except ValueError:
-                numbers = []
-            if numbers and inf not in map(abs, numbers):
-                for column, value in zip(segment.values, numbers, strict=True):
-                    column.append(value)
-                return
         for place, cell in enumerate(cells):
-            number = None if MISSING.match(cell) else number_in(cell, self.decimal)
-            if not MISSING.match(cell) and (number is None or not isfinite(number)):
+            number = nan if MISSING.match(cell) else number_in(cell, self.decimal)
+            if number is None or isinf(number):
                 reason = f"{cell[:20]!r} is no number; digits, sign and exponent are allowed"
                 segment.faults.setdefault(place, f"line {self.number}: {reason}")
-            segment.values[place].append(nan if number is None else number)
+                number = nan
+            segment.values[place].append(number)
 
 
 def _number(cells: Sequence[str], place: int, decimal: str) -> float | None:
