@@ -268,6 +268,12 @@ _OF_PHASE = {
 }
 """Contradiction between files and the key ``phase``."""
 
+_AS_LABEL = (
+    '; for levels by names, as the volts of a drive: unit = "label" under [test.level], and values, or '
+    'for files and sheets name = "{level} V"'
+)
+_DECAYS_BY_NUMBER = '; name decays by numbers: values and unit = "label" under [test.level]'
+
 
 def make_measured(
     table: Any, maker: Maker, mass: float | None, calibrated: bool, across: str | None = None
@@ -295,6 +301,8 @@ def make_measured(
         maker.units = {"N": BASE_UNITS[_base_quantity(table)]}
     if getattr(table.level, "unit", None) == LABEL:
         maker.units["label"] = ""
+    else:
+        maker.hint = _DECAYS_BY_NUMBER if table.excitation == "ring-down" else _AS_LABEL
     timed = table.excitation != "steady"
     known: dict[str, Any] = {"calibrated": calibrated, "history": None, "across": across}
     if timed:

@@ -113,22 +113,10 @@ def make_simulated(table: Any, maker: Maker) -> VirtualTest:
     return test
 
 
-_AS_LABEL = (
-    '; for levels by names, as the volts of a drive: unit = "label" under [test.level], and values, or '
-    'for files and sheets name = "{level} V"'
-)
-_DECAYS_BY_NUMBER = '; name decays by numbers: values and unit = "label" under [test.level]'
-
-
 def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
     observation = maker.make(Observation, table, "identify")
-    if isinstance(test, MeasuredTest) and not test.level.labels:
-        decays = test.history and test.history.excitation == "ring-down"
-        hint = _DECAYS_BY_NUMBER if decays else _AS_LABEL
-        wrong = ("identify.hold_out.", "test.level.values.")
-        maker.faults[:] = [f"{fault}{hint * fault.startswith(wrong)}" for fault in maker.faults]
-    elif isinstance(test, MeasuredTest):
+    if isinstance(test, MeasuredTest) and test.level.labels:
         maker.faults += [
             f"identify.predict.{number}: {value:g} has no unit, and the levels are labels; "
             f'a force is needed, such as "{value:g} N"'
