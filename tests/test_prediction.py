@@ -225,6 +225,21 @@ def test_a_level_at_which_friction_holds_the_mass_is_a_finding():
     assert "friction of 10 N holds the mass" in sentence(stuck.findings[0])
 
 
+def test_friction_that_holds_the_mass_is_said_per_unit_mass_and_of_levels_asked_for_too():
+    """The curve was empty there without a reason, and that of a modal table had an interval."""
+    rig = Oscillator(1.5, "k*x + c*v + Ff*sign(v)", {"k": 6e3, "c": 2.0, "Ff": 0.5})
+    table = simulate(rig, SimulatedTest([1.0, 2.0], np.linspace(9, 11, 31), base="acceleration"))
+    found = identify(table, rig.force, Observation(predict=(0.2,)))
+    for findings in (found.findings, predict(found, [0.2]).findings):
+        (said,) = (finding for finding in findings if finding.code == "no-steady-state")
+        assert said.numbers["friction"].unit == "m/s^2"
+        assert said["friction"] == pytest.approx(0.5 / 1.5, rel=1e-3)
+    modal = modal_table(table)
+    (said,) = predict(modal, [0.2]).findings
+    assert (said.code, said.names["by"], said["low"]) == ("prediction-extrapolated", "table", modal.tested[0])
+    assert not predict(modal, [1.5]).findings
+
+
 def test_a_curve_just_above_sticking_says_how_far_the_motion_in_time_is_from_its_peak():
     """It was 19 % low there, and nothing said so."""
     rig = Oscillator(1.5, "k*x + c*v + Ff*sign(v)", {"k": 6e3, "c": 2.0, "Ff": 0.5})
@@ -433,7 +448,7 @@ def test_of_a_curve_that_the_band_cuts_the_largest_amplitude_is_not_stated():
     assert said["at"] > 20
     assert "in the tested band, at " in sentence(said)
     assert (
-        "as asked for, if the law holds beyond the amplitudes that were tested, it predicts at"
+        "as asked for, if the law holds beyond the tested amplitudes, it predicts, once settled, at"
         in sentence(said)
     )
     # the end of the curve, a twentieth beyond the band, was called the end of the band, too
@@ -556,7 +571,13 @@ def test_a_jump_has_the_direction_of_the_sweep_in_which_it_is(k3, peak_jumps):
         (high, (high, high), "up"),
     ]
     assert max(curve.jumps, key=lambda jump: jump.amplitude).sweep == peak_jumps
-    assert f"{low:.5g} down, {high:.5g} up " in str(predict(stiff, [0.3], band=(7, 13)))
+    for jump in curve.jumps:
+        assert jump.in_words().startswith(f"{jump.frequency:.5g} {jump.sweep} (to ")
+        # another stable motion at that frequency
+        flanks = np.flatnonzero(np.diff(np.sign(curve.frequency - jump.frequency)) * curve.stable[1:])
+        low_end, high_end = np.sort(curve.amplitude[[flanks, flanks + 1]], axis=0)
+        assert ((low_end < jump.landing) & (jump.landing < high_end)).any()
+        assert abs(jump.landing / jump.amplitude - 1) > 0.5
 
 
 def test_a_jump_frequency_and_the_largest_amplitude_have_the_interval_that_the_values_give():
@@ -595,9 +616,9 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     assert said["amplitude" if reaches else "swept"] == pytest.approx(own.amplitude.max(), rel=0.01)
     # from the branch of its peak, or to it
     fell = own.frequency < 9.758 if reaches else own.frequency > 9.902
-    (led,) = (jump for jump in said.names["jumps"].split(", ") if f"sweep {way} (to " in jump)
-    size, unit = led.split("(to ")[1].rstrip(")").split()
-    assert float(size) * {"mm": 1e-3, "µm": 1e-6}[unit] == pytest.approx(own.amplitude[fell].max(), rel=0.02)
+    (led,) = (jump for jump in predict(found, [0.3])[0.3].jumps if jump.sweep == way)
+    assert f"sweep {way} (to " in said.names["jumps"]
+    assert led.landing == pytest.approx(own.amplitude[fell].max(), rel=0.02)
     figure = figures.draw_responses(table, predict_shown(table, found))
     assert f"highest {1e3 * np.nanmax(predict(found, [0.3])[0.3].amplitude):.4g} at" in figure.alternative
 
@@ -614,7 +635,8 @@ def test_a_fold_at_a_corner_of_the_law_has_no_interval():
 def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reach():
     points = np.linspace(18.0, 20.0, 3)
     measured = np.full(3, 8e-4 + 0j)
-    held = HeldOutLevel(2.5, "up", points, measured, measured, 0.0066, 0.01, 0, force=2.5)
+    sizes = {"level": 2.5, "force": 2.5, "error": 0.0066, "largest_error": 0.01, "missing": 0}
+    held = HeldOutLevel(sweep="up", frequency=points, measured=measured, predicted=measured, **sizes)
     assert known_beyond([held], 2.5, 2e-3, 7e-4)["error"].value == 0.0066
     assert known_beyond([held], 2.5, 2e-3, 9e-4) == {}
 

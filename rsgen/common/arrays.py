@@ -92,3 +92,17 @@ def blocks_joined(
                 joined[name] = np.empty((count, *column.shape[1:]), column.dtype)
             joined[name][rows] = column
     return joined
+
+
+def within_band(rows: Array, band: tuple[float, float]) -> Array:
+    """Return the rows (k, c) of a line of points (n, c) whose first column is in a band, with its ends.
+
+    Rows of NaN separate parts of the line.
+    """
+    parts = [rows[(rows[:, 0] >= band[0]) & (rows[:, 0] <= band[1])]]
+    for end in band:
+        beyond = rows[:, 0] - end
+        at = np.flatnonzero(beyond[:-1] * beyond[1:] < 0)
+        share = (beyond[at] / (beyond[at] - beyond[at + 1]))[:, None]
+        parts.append((1 - share) * rows[at] + share * rows[at + 1])
+    return np.concatenate(parts)

@@ -293,11 +293,6 @@ class ModalSplines(Brief):
             held=held,
         )
 
-    def respond(self, amplitude: Array, omega: Array) -> NDArray[np.complex128]:
-        """Return the complex force (n,) [N] for amplitudes X [m] of phase zero at frequencies [rad/s]."""
-        mode = SplineMode(omega, self.basis, self.orders)
-        return mode(self.values, self.mass, amplitude).force
-
 
 # ----------------------------------------------------------------------------
 # The table.

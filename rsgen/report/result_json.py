@@ -353,6 +353,7 @@ def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
                 "interval": list(map(finite_or_none, jump.interval)),
                 "amplitude": jump.amplitude,
                 "sweep": jump.sweep,
+                "landing": finite_or_none(jump.landing),
             }
             for jump in curve.jumps
         ],

@@ -42,7 +42,7 @@ from rsgen.report.page import (
     resonance_course,
 )
 from rsgen.report.provenance import Subject, page_environment, plain_text
-from rsgen.report.result_json import build_result, read_results, result_text
+from rsgen.report.result_json import build_result, finite_or_none, read_results, result_text
 from rsgen.report.sentences import error_text, sentence
 from tests.case_files import CUBIC, GONE, SMALL
 from tests.case_files import changed as changed_case
@@ -231,7 +231,8 @@ def test_result_keeps_the_contract():
     for entry, curve in zip(read["predicted"], PREDICTION, strict=True):
         assert entry["lower"] < entry["amplitude"] < entry["upper"]
         assert [tuple(jump.values()) for jump in entry["jumps"]] == [
-            (jump.frequency, list(jump.interval), jump.amplitude, jump.sweep) for jump in curve.jumps
+            (jump.frequency, list(jump.interval), jump.amplitude, jump.sweep, finite_or_none(jump.landing))
+            for jump in curve.jumps
         ]
     element = read["elements"][0]
     assert parse(element["stiffness"]) == parse("k1 + 3/4*kn1*X**2")

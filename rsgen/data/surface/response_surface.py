@@ -547,3 +547,23 @@ def save_surface(path: str | os.PathLike[str], surface: ResponseSurface) -> None
             data = file.create_dataset(name, data=values, track_times=False)
             data.attrs["units"] = units.get(name, "")
     write_atomic(path, buffer.getvalue())
+
+
+def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
+    """Choose levels [N] to show from those that settled somewhere, evenly from lowest to highest.
+
+    Parameters
+    ----------
+    most
+        How many at most: more curves in one figure look alike.
+
+    Examples
+    --------
+    >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
+    >>> choose_levels(surface, 3)
+    [1.0, 5.0, 9.0]
+    """
+    levels = np.unique(surface.level[surface.settled])
+    if len(levels) > most:
+        levels = levels[np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))]
+    return [float(level) for level in levels]

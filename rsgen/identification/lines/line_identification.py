@@ -554,8 +554,17 @@ def _predicted_record(found: MultisineIdentification, spectra: MultisineSpectra,
     error = float(np.linalg.norm((predicted - measured)[judged])) / size
     noise = float(np.linalg.norm(spectra.noise()[1][0][judged])) / size
     level = float(spectra.level[0])
-    unit, label = spectra.level_unit, spectra.label_of(level)
-    return PredictedRecord(level, frequency, measured, predicted, judged, error, noise, unit, label)
+    return PredictedRecord(
+        level=level,
+        level_unit=spectra.level_unit,
+        label=spectra.label_of(level),
+        frequency=frequency,
+        measured=measured,
+        predicted=predicted,
+        judged=judged,
+        error=error,
+        noise=noise,
+    )
 
 
 def _prediction_findings(

@@ -95,10 +95,6 @@ class AmplitudeBalance:
         self._centre = np.pi * sum(identification.frequency_range)
         self._tabulate(2 * self._largest)
 
-    def drawn(self, levels: list[float]) -> list[float]:
-        """Return the levels that have a curve: all of them."""
-        return levels
-
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Return the response with amplitudes X (n,) [m] at the frequencies (n,) [rad/s]."""
         guess = np.zeros((len(size), self._order + 1), dtype=complex) if start is None else start
@@ -449,10 +445,6 @@ class MeasuredBalance(AmplitudeBalance):
     def __init__(self, identification: Identification) -> None:
         self._law = law_of(identification.model.elements)
         self._values, self._mass = np.array(identification.solution), identification.mass
-
-    def drawn(self, levels: list[float]) -> list[float]:
-        """Return no levels: curves would need the motion across."""
-        return []
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
         """Return the complex fundamental (n,) [m] under the measured force.

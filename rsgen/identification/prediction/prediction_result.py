@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import inf, nan
-from operator import add
+from math import inf, isfinite, nan
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray, freeze, true_runs
+from rsgen.common.arrays import Array, ComplexArray, freeze, true_runs, within_band
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import (
@@ -30,8 +29,8 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import level_name, match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
+from rsgen.formula.units import quantity_text
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.prediction.branches import landing, largest_of, stable_within, swept_through
 from rsgen.identification.results import Identification
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
@@ -51,20 +50,24 @@ class Jump(NamedTuple):
     """Where the response jumps: frequency [Hz], amplitude [m] and sweep, "up" or "down", that ends there.
 
     ``interval`` are the 95 % bounds of the frequency [Hz]: NaN where not known, equal without any error.
+    ``landing`` is the nearest amplitude [m] of another stable branch there, to which it jumps; NaN without
+    one.
     """
 
     frequency: float
     amplitude: float
     interval: tuple[float, float]
     sweep: str
+    landing: float
 
     def in_words(self, unit: str = "", sweep: str = "") -> str:
-        """Say frequency, interval and direction, with words after the numbers and before the direction."""
+        """Say all but the amplitude, with words after the numbers and before the direction."""
         low, high = self.interval
         error = (high - low) / (2 * interval_sigmas())
         digits = with_error(self.frequency, error) if error > 0 else 5
         band = f" ({low:.{digits}g} to {high:.{digits}g}{unit})" if error > 0 else ""
-        return f"{self.frequency:.{digits}g}{unit}{band} {sweep}{self.sweep}"
+        to = f" (to {quantity_text(self.landing, 'm', 4)})" if isfinite(self.landing) else ""
+        return f"{self.frequency:.{digits}g}{unit}{band} {sweep}{self.sweep}{to}"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -131,11 +134,15 @@ class ResonanceCurve(Brief):
         The frequency has an extremum along the curve there: a sweep up does not come beyond a largest one.
         """
         at, size, found = self.frequency, self.amplitude, list[Jump]()
+        rows = stable_rows(self)
         for fold, height, half in sorted(self.folds.tolist()):
             near = int(np.nanargmin(np.hypot(at / fold - 1, size / height - 1)))
             around = np.nanmean(at[[max(near - 2, 0), min(near + 2, len(at) - 1)]])
             way = "up" if around < fold else "down"
-            found.append(Jump(fold, height, (fold - half, fold + half), way))
+            there = within_band(rows, (fold, fold))[:, 1]
+            there = there[np.abs(there / height - 1) > BRANCH_DISTANCE]
+            landing = float(there[np.argmin(np.abs(there - height))]) if len(there) else nan
+            found.append(Jump(fold, height, (fold - half, fold + half), way, landing))
         return tuple(found)
 
     @property
@@ -166,37 +173,65 @@ def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -
 
     ``top`` is its largest point, and in ``way`` the peak; a jump is known up to a step of the frequency.
     """
-    frequency = run.omega / (2 * np.pi)
-    sense = 1 if way == "up" else -1
+    frequency, sense = run.omega / (2 * np.pi), 1 if way == "up" else -1
     beyond = (frequency - frequency[top]) * sense
     step = float(beyond[beyond > 0].min(initial=inf))
-    for fold, height, _, direction in curve.jumps:
-        near = -step / 2 <= (fold - frequency[top]) * sense <= 2 * step < inf and run.amplitude[top] > height
-        if near and direction != way and set(run.sweep) == {way}:
-            numbers = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(fold, "Hz")}
-            return (Finding("direction-from-branch", "warning", "", numbers, {"by": "jump", "sweep": way}),)
+    for jump in curve.jumps if set(run.sweep) == {way} else ():
+        near = -step / 2 <= (jump.frequency - frequency[top]) * sense <= 2 * step < inf
+        if near and run.amplitude[top] > jump.amplitude and jump.sweep != way:
+            fold = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(jump.frequency, "Hz")}
+            return (Finding("direction-from-branch", "warning", "", fold, {"by": "jump", "sweep": way}),)
     return ()
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class HeldOutLevel(Brief):
-    """Measured and predicted responses of one held-out level and sweep.
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+class _Predicted(Brief):
+    """Measured and predicted response at (n,) frequencies [Hz], ascending.
 
     Parameters
     ----------
-    level, level_unit, sweep
-        Nominal level ("N", or "m" where the test held the amplitude) and how the points were reached.
-    frequency
-        (n,) [Hz], ascending.
+    level, level_unit, label
+        Nominal level, its unit, and the label of one that has a label.
     measured, predicted
-        (n,) complex fundamental X_1 [m] at the measured force; predicted is NaN without a steady state. Where
-        the test held the amplitude, of a free decay, and, of a sweep and where the force ``changes``, next to
-        folds and on an unstable branch, it is X_1 F/F_predicted, with the force that this amplitude needs at
-        its frequency.
+        (n,) complex displacement [m] under the measured force.
     error
-        Root mean square of predicted - measured over that of measured [1]. Up to 2 % of the points, rounded
-        up, are left out where they are ``missing``: between a predicted and a measured jump branches differ.
-        A point for which the law has no steady state counts as predicted at rest.
+        Root mean square of predicted - measured over that of measured [1].
+    """
+
+    level: float
+    frequency: Array
+    measured: ComplexArray
+    predicted: ComplexArray
+    error: float
+    level_unit: str = "N"
+    label: str = ""
+
+    def __post_init__(self) -> None:
+        freeze(self, ("frequency",))
+        freeze(self, ("measured", "predicted"), np.complex128)
+
+    @property
+    def name(self) -> str:
+        """Name of the level."""
+        return level_name(self.level, self.level_unit, self.label)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+class HeldOutLevel(_Predicted):
+    """Measured and predicted fundamental X_1 [m] of one held-out level ("N", "m" where held) and sweep.
+
+    The predicted one is NaN without a steady state. Where the test held the amplitude, of a free decay, and,
+    of a sweep and where the force ``changes``, next to folds and on an unstable branch, it is
+    X_1 F/F_predicted, with the force that this amplitude needs at its frequency.
+
+    Of the error up to 2 % of the points, rounded up, are left out where they are ``missing``: between a
+    predicted and a measured jump branches differ. A point for which the law has no steady state counts as
+    predicted at rest.
+
+    Parameters
+    ----------
+    sweep
+        How the points were reached.
     largest_error, largest_at
         Largest |predicted - measured| of the same points over the same root mean square [1], and the
         frequency of that point [Hz].
@@ -215,35 +250,49 @@ class HeldOutLevel(Brief):
     changes
         True where the force was another one near the resonance, as of a shaker without control: the points
         lie on no curve of one force.
-    label
-        Label of the level, where it has one.
     """
 
-    level: float
     sweep: str
-    frequency: Array
-    measured: ComplexArray
-    predicted: ComplexArray
-    error: float
     largest_error: float
     missing: int
-    level_unit: str = "N"
     force: float = nan
     force_unit: str = "N"
     explained: float = 0.0
     misfit: float = nan
     largest_at: float = nan
     changes: bool = False
-    label: str = ""
 
-    def __post_init__(self) -> None:
-        freeze(self, ("frequency",))
-        freeze(self, ("measured", "predicted"), np.complex128)
 
-    @property
-    def name(self) -> str:
-        """Name of the level."""
-        return level_name(self.level, self.level_unit, self.label)
+# ----------------------------------------------------------------------------
+# What a sweep reaches: rows (n, 4) along a curve of frequency [Hz], amplitude [m] and its interval [m].
+
+
+def stable_rows(curve: ResonanceCurve) -> Array:
+    """Return the rows (k, 4) of a curve, NaN where it is unstable and between detached parts."""
+    along = np.stack([curve.frequency, curve.amplitude, curve.lower, curve.upper], axis=1)
+    return np.where(curve.stable[:, None], along, nan)
+
+
+def _swept_through(rows: Array, band: tuple[float, float], way: str) -> Array:
+    """Return the rows (k, 4) that a sweep "up" or "down" a band [Hz] reaches, after one of zeros.
+
+    It begins at the smallest motion, and jumps to the nearest one where its branch ends.
+    """
+    sense = 1 if way == "up" else -1
+    inside = rows[(rows[:, 0] >= band[0]) & (rows[:, 0] <= band[1]), 0]
+    places = np.concatenate([band, inside, np.nextafter(inside, sense * inf)])
+    path = [np.zeros(4)]
+    for place in sense * np.unique(sense * places):
+        there = within_band(rows, (place, place))
+        path += [*there[np.argsort(np.abs(there[:, 1] - path[-1][1]))][:1]]
+    return np.array(path)
+
+
+def _largest(rows: Array, name: str) -> dict[str, Quantity]:
+    """Return the largest amplitude of rows, its interval and frequency, as numbers that begin with a name."""
+    place, most, low, high = map(float, rows[np.argmax(rows[:, 1])])
+    ends = {f"{name}_low": low, f"{name}_high": high} if low < high else {}
+    return quantities("m", **{name: most}, **ends) | quantities("Hz", **{f"{name}_at": place})
 
 
 def largest_of_curve(
@@ -253,32 +302,29 @@ def largest_of_curve(
 
     First comes the largest that the tested ``sweeps`` reach in the band, where another branch has more.
     """
-    numbers = {"level": Quantity(curve.level, curve.level_unit)}
-    along = np.stack([curve.frequency, curve.amplitude, curve.lower, curve.upper], axis=1)
-    rows = np.where(curve.stable[:, None], along, nan)
+    numbers, rows = {"level": Quantity(curve.level, curve.level_unit)}, stable_rows(curve)
+    jumps = ", ".join(jump.in_words(" Hz", "in a sweep ") for jump in curve.jumps)
+    names = {"base": base, "jumps": jumps, **curve.lost}
     if len(rows):
         top = int(np.nanargmax(curve.amplitude))
-        ends = curve.lower, curve.amplitude, curve.upper
-        low, size, high = (float(of[top]) for of in ends)
-        numbers |= quantities("Hz", at=float(curve.frequency[top]))
-        inside = stable_within(rows, band)
-        if len(inside) and not band[0] <= curve.frequency[top] <= band[1]:
-            numbers |= largest_of(inside, "inside")
+        ends = curve.frequency, curve.amplitude, curve.lower, curve.upper
+        at, size, low, high = (float(of[top]) for of in ends)
+        names["beyond"] = "yes" if curve.extrapolated[top] else ""
+        names["stability"] = "folds" if np.isnan(curve.multiplier).all() else ""
+        numbers |= quantities("Hz", at=at)
+        inside = within_band(rows, band)
+        if len(inside) and not band[0] <= at <= band[1]:
+            numbers |= _largest(inside, "inside")
         if len(inside) and len(sweeps) and {*sweeps} <= {"up", "down"}:
-            swept = np.concatenate([swept_through(rows, band, way) for way in sweeps])
-            numbers |= largest_of(swept, "swept") if swept[:, 1].max() * BEYOND < inside[:, 1].max() else {}
+            swept = np.concatenate([_swept_through(rows, band, way) for way in sweeps])
+            if swept[:, 1].max() * BEYOND < inside[:, 1].max():
+                numbers, names["sweep"] = numbers | _largest(swept, "swept"), " or ".join(sweeps)
         if curve.rises_at_end:
             numbers |= quantities("m", reached=size)
         else:
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
-    leads = [landing(rows, jump.frequency, jump.amplitude) for jump in curve.jumps]
-    jumps = [jump.in_words(" Hz", "in a sweep ") for jump in curve.jumps]
-    beyond = "yes" if len(curve.frequency) and curve.extrapolated[np.nanargmax(curve.amplitude)] else ""
-    folds = "folds" if len(curve.frequency) and np.isnan(curve.multiplier).all() else ""
-    said = {"base": base, "jumps": ", ".join(map(add, jumps, leads)), "beyond": beyond, "stability": folds}
-    said |= {"sweep": " or ".join(sweeps) if "swept" in numbers else "", **curve.lost}
     return Finding(
-        "level-predicted", "info", "", numbers, {name: text for name, text in said.items() if text}
+        "level-predicted", "info", "", numbers, {name: said for name, said in names.items() if said}
     )
 
 
@@ -302,17 +348,15 @@ def known_beyond(
 
     Of levels whose points stay below the largest ``tested`` amplitude [m] nothing follows for what is beyond.
     """
-    scored = [(one, one.force / force) for one in held_out if isinstance(one, HeldOutLevel)]
-    scored = [(one, ratio) for one, ratio in scored if np.abs(one.measured).max(initial=0.0) > tested]
-    near = [one for one, ratio in scored if abs(ratio - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
+    scored = [one for one in held_out if isinstance(one, HeldOutLevel)]
+    scored = [one for one in scored if np.abs(one.measured).max(initial=0.0) > tested]
+    near = [one.error for one in scored if abs(one.force / force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE]
     if near:
-        return quantities(error=max(one.error for one in near))
-    above = [one for one, ratio in scored if ratio > 1]
+        return quantities(error=max(near))
+    above = [one for one in scored if one.force > force]
     above = [o for o in above if np.abs(o.measured[np.isfinite(o.predicted)]).max(initial=0.0) >= amplitude]
-    if not above:
-        return {}
-    held = Quantity(above[0].level, above[0].level_unit)
-    return {"held": held, **quantities(error=max(one.error for one in above))}
+    held = [Quantity(one.level, one.level_unit) for one in above[:1]]
+    return {"held": held[0], **quantities(error=max(one.error for one in above))} if held else {}
 
 
 def named(item: HeldOutLevel | PredictedRecord) -> dict[str, str]:
@@ -322,16 +366,12 @@ def named(item: HeldOutLevel | PredictedRecord) -> dict[str, str]:
 
 def held_by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
     """Find held-out numbers that are the label of one level and the amount of another."""
-    findings: list[Finding] = []
-    if test.label is None:
-        return ()
-    for asked in found.model.observation.hold_out:
-        label, amount = match_level(np.unique(test.label), asked), match_level(test.levels, asked)
-        if label is None or amount is None:
-            continue
-        meant = float(test.level[test.label == label][0])
-        if amount != meant:
-            numbers = quantities(label=asked, level=Quantity(meant, test.level_unit))
+    findings, labels = list[Finding](), [] if test.label is None else np.unique(test.label).tolist()
+    for asked in found.model.observation.hold_out if labels else ():
+        label, amount = match_level(np.array(labels), asked), match_level(test.levels, asked)
+        meant = test.level[test.label == label].tolist()
+        if meant and amount not in (None, meant[0]):
+            numbers = quantities(label=asked, level=Quantity(meant[0], test.level_unit))
             findings.append(Finding("held-out-by-label", "warning", numbers=numbers))
     return tuple(findings)
 
@@ -444,27 +484,6 @@ def score_points(
     return error, float(miss[worst] / root), int(np.count_nonzero(missed)), worst
 
 
-def choose_levels(surface: ResponseSurface, most: int = 6) -> list[float]:
-    """Choose levels [N] to show from those that settled somewhere, evenly from lowest to highest.
-
-    Parameters
-    ----------
-    most
-        How many at most: more curves in one figure look alike.
-
-    Examples
-    --------
-    >>> from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
-    >>> surface = ResponseSurface(range(1, 10), [5.0] * 9, 1.0, [1.0 - 1.0j] * 9)
-    >>> choose_levels(surface, 3)
-    [1.0, 5.0, 9.0]
-    """
-    levels = np.unique(surface.level[surface.settled])
-    if len(levels) > most:
-        levels = levels[np.unique(np.linspace(0, len(levels) - 1, most).round().astype(int))]
-    return [float(level) for level in levels]
-
-
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Prediction(Printed):
     """Resonance curves, scores of held-out levels, and findings about them.
@@ -543,11 +562,11 @@ class Prediction(Printed):
             f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep",
             "extrapolated",
         )
-        rises = any(curve.rises_at_end for curve in self if len(curve.frequency))
-        more = ("a curve still rises where the band or the table ends; band=(low, high) [Hz] shows more",)
-        scored = (*self.held_out, *self.records)
-        notes = (*more[: int(rises)], *held_out_lines(scored), *map(str, self.findings))
-        return TextTable(heads, tuple(rows), notes=notes)
+        notes = [*held_out_lines((*self.held_out, *self.records)), *map(str, self.findings)]
+        if any(curve.rises_at_end for curve in self if len(curve.frequency)):
+            more = "a curve still rises where the band or the table ends; band=(low, high) [Hz] shows more"
+            notes.insert(0, more)
+        return TextTable(heads, tuple(rows), notes=tuple(notes))
 
 
 # ----------------------------------------------------------------------------
@@ -555,45 +574,22 @@ class Prediction(Printed):
 # ``rsgen.identification.lines`` predicts.
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class PredictedRecord(Brief):
-    """Measured and predicted response of one held-out record.
+@dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
+class PredictedRecord(_Predicted):
+    """Measured and predicted lines of one held-out record, the mean first; its level is the rms of the drive.
 
     Parameters
     ----------
-    level
-        Nominal root mean square of the drive, in ``level_unit``.
-    frequency
-        (H+1,) of the lines [Hz].
-    measured, predicted
-        (H+1,) complex displacement [m] under the measured force, the mean first.
     judged
-        (H+1,) scored lines: those of the band, without the mean and low lines below the noise.
-    error
-        Root mean square of predicted - measured over that of measured, at the judged lines [1]; NaN without
-        a prediction.
+        (n,) scored lines: those of the band, without the mean and low lines below the noise. The error is
+        theirs, NaN without a prediction.
     noise
         The same of the noise of the measured mean [1]; NaN of one period.
-    label
-        Label of the level, where it has one.
     """
 
-    level: float
-    frequency: Array
-    measured: ComplexArray
-    predicted: ComplexArray
     judged: NDArray[np.bool_]
-    error: float
     noise: float
-    level_unit: str = "N"
-    label: str = ""
 
     def __post_init__(self) -> None:
-        freeze(self, ("frequency",))
-        freeze(self, ("measured", "predicted"), np.complex128)
+        _Predicted.__post_init__(self)
         freeze(self, ("judged",), np.bool_)
-
-    @property
-    def name(self) -> str:
-        """Name of the level."""
-        return level_name(self.level, self.level_unit, self.label)

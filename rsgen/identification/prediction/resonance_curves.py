@@ -29,7 +29,13 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
-from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, typical_amounts, within
+from rsgen.data.surface.response_surface import (
+    HALF_POWER,
+    ResponseSurface,
+    choose_levels,
+    typical_amounts,
+    within,
+)
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.points import Points
@@ -49,7 +55,6 @@ from rsgen.identification.prediction.prediction_result import (
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
-    choose_levels,
     contradicted_sweep,
     force_changes,
     held_by_label,
@@ -127,40 +132,48 @@ def predict(
             return replace(records, findings=(*records.findings, *_along(found)))
         sine = Finding("prediction-extrapolated", "info", names={"by": "sine"})
         records = replace(records, findings=(sine, *records.findings))
-    table, mass = None, found.mass
-    if isinstance(found, ModalTable):
+    asked = None if levels is None else _levels(levels)
+    table, mass, oscillator = None, found.mass, isinstance(found, Oscillator)
+    if isinstance(found, Oscillator):
+        if asked is None:
+            raise RsgenError("levels: an oscillator has none; give the force levels [N] to predict")
+        found = as_identification(found, asked)
+    elif isinstance(found, ModalTable):
         table, found = found, table_as_identification(found)
-    observed = None if isinstance(found, Oscillator) else found.model.observation.band
+    tested = (0.0, inf) if oscillator else found.amplitude_range
+    observed, sensors = found.model.observation.band, found.model.sensors
     if surface is not None:
         require(surface, ResponseSurface, "surface")
         surface = within(cast("ResponseSurface", surface).on_mass(mass), observed)
-    chosen = _levels(found, levels, surface)
-    if isinstance(found, Identification) and not isfinite(found.mass):
+    if not isfinite(found.mass):
         return Prediction((), (), (Finding("needs-mass", "warning"),))
-    tested = (0.0, inf) if isinstance(found, Oscillator) else found.amplitude_range
-    if isinstance(found, Oscillator):
-        found = as_identification(found, chosen)
     low, high = found.frequency_range
     near = (low * (1 - _FREQUENCY_MARGIN), high * (1 + _FREQUENCY_MARGIN))
     window = near if band is None else _check_band(band)
     if observed and band is None:
         window = max(near[0], observed[0]), min(near[1], observed[1])
-    refuse_across(found.model.sensors, levels=levels is not None)
+    refuse_across(sensors, levels=levels is not None)
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
+    held_out, fitted = tuple[HeldOutLevel, ...](), tuple[HeldOutLevel, ...]()
+    if surface is not None:
+        held = surface.held_out(found.model.observation.hold_out)
+        held_out = _score(found, balance, surface, held)
+    unseen = [one.force for one in held_out or found.held_out if isinstance(one, HeldOutLevel)]
+    forces = np.unique([*found.levels, *filter(isfinite, unseen)])
+    chosen = asked or (forces / force_per_level(found)).tolist()
     # free decays and resonances alone have no band: the law has flanks
-    fitted_law = table is None and tested[1] < inf and not found.model.sensors
+    fitted_law = table is None and tested[1] < inf and not sensors
     flanks = _resonance_band(found, balance, chosen) if fitted_law and band is None else None
     window = flanks or window
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     # the edges of the curves of a test are no extrapolation
     known = (0.0, inf) if flanks or tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
-    curves = tuple(_curve(found, balance, level, omega, tested, known) for level in balance.drawn(chosen))
-    held_out, fitted = tuple[HeldOutLevel, ...](), tuple[HeldOutLevel, ...]()
+    # curves of a law across two sensors would need the motion there
+    drawn = () if sensors else chosen
+    curves = tuple(_curve(found, balance, level, omega, tested, known) for level in drawn)
     if surface is not None:
-        held = surface.held_out(found.model.observation.hold_out)
-        held_out = _score(found, balance, surface, held)
-        drawn = surface.levels[np.isin(typical_amounts(surface), [curve.force for curve in curves])]
-        changing = [] if surface.decays or surface.response_held else _changing(surface, drawn)
+        same = surface.levels[np.isin(typical_amounts(surface), [curve.force for curve in curves])]
+        changing = [] if surface.decays or surface.response_held else _changing(surface, same)
         fitted = _score(found, balance, surface, ~held & np.isin(surface.level, changing))
     findings = [*missed_findings(held_out)]
     if curves and not known[0] <= window[0] < window[1] <= known[1]:
@@ -170,9 +183,9 @@ def predict(
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out, fitted), *findings]
     findings += levels_meant(found, curves, surface, held_out)
-    asked = band and window
     findings += records.findings
-    return Prediction(curves, held_out, tuple(findings), records.records, asked, fitted, observed)
+    shown = band and window
+    return Prediction(curves, held_out, tuple(findings), records.records, shown, fitted, observed)
 
 
 def _resonance_band(
@@ -231,38 +244,18 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
     return Prediction((), held_out, (*meant, *missing_findings(held_out), *missed_findings(held_out)))
 
 
-def _levels(
-    found: Identification | Oscillator,
-    levels: float | Sequence[float] | None,
-    surface: ResponseSurface | None,
-) -> list[float]:
-    if levels is not None:
-        try:
-            chosen = np.ravel(np.asarray(levels, dtype=np.float64)).tolist()
-        except (TypeError, ValueError):
-            raise RsgenError(f"levels: {levels!r:.60}; must be numbers") from None
-        if not chosen:
-            raise RsgenError("levels: none given; leave them out for those of the test")
-    elif isinstance(found, Oscillator):
-        raise RsgenError("levels: an oscillator has none; give the force levels [N] to predict")
-    else:
-        forces = np.unique([*found.levels, *_held_out_forces(found, surface)])
-        chosen = (forces / force_per_level(found)).tolist()
+def _levels(levels: float | Sequence[float]) -> list[float]:
+    """Check levels that are asked for."""
+    try:
+        chosen: list[float] = np.ravel(np.asarray(levels, dtype=np.float64)).tolist()
+    except (TypeError, ValueError):
+        raise RsgenError(f"levels: {levels!r:.60}; must be numbers") from None
+    if not chosen:
+        raise RsgenError("levels: none given; leave them out for those of the test")
     for level in chosen:
         if not (isfinite(level) and level > 0):
             raise RsgenError(f"levels: {level!r}; a level must be positive and finite")
     return chosen
-
-
-def _held_out_forces(found: Identification, surface: ResponseSurface | None) -> list[float]:
-    """Return the forces [N] of the held-out levels; none for a test with response control."""
-    if surface is None:
-        return [one.force for one in found.held_out if isinstance(one, HeldOutLevel) and isfinite(one.force)]
-    if surface.response_held:
-        return []
-    held_out = np.unique(surface.level[surface.held_out(found.model.observation.hold_out)])
-    forces = typical_amounts(surface)[np.isin(surface.levels, held_out)]
-    return [float(force) for force in forces if isfinite(force)]
 
 
 def _check_band(band: tuple[float, float]) -> tuple[float, float]:
@@ -282,7 +275,7 @@ def _findings(
 ) -> tuple[Finding, ...]:
     """Find curves without a steady state, or beyond the amplitudes tested, and points not predicted."""
     changing = [item.force for item in (*held_out, *fitted) if item.changes]
-    findings, rising = list[Finding](), list[dict[str, Quantity]]()
+    findings, rising, below = list[Finding](), list[dict[str, Quantity]](), list[dict[str, Quantity]]()
     short = list[tuple[float, tuple[Finding, ...]]]()
     for curve in curves:
         numbers = {"level": Quantity(curve.level, curve.level_unit), "high": Quantity(tested[1], "m")}
@@ -295,6 +288,8 @@ def _findings(
         if isinstance(balance, SynthesisBalance) and curve.rises_at_end:
             rising.append(numbers)
             continue
+        if isinstance(balance, SynthesisBalance) and np.nanmax(curve.amplitude) * BEYOND < tested[0]:
+            below.append({"level": numbers["level"], "low": Quantity(tested[0], "m")})
         run = points_under(found, curve.force)
         if curve.force in changing or (run is not None and force_changes(run.amplitude, run.force)):
             # what the test reached is no matter of a constant force
@@ -306,8 +301,8 @@ def _findings(
             largest = float(np.nanmax(curve.amplitude))
             numbers |= known_beyond(held_out or found.held_out, curve.force, largest, tested[1])
             findings.append(Finding("prediction-extrapolated", "warning", numbers=numbers))
-    if rising:
-        numbers = rising[-1] | quantities(levels=len(rising))
+    for beyond_table in filter(None, (rising, below)):
+        numbers = beyond_table[-1] | quantities(levels=len(beyond_table))
         findings.append(Finding("prediction-extrapolated", "warning", "", numbers, {"by": "table"}))
     # points of a level rarely hit its very peak
     short = [one for one in short if one[0] > 1 + RELATIVE_ERROR_DOUBTFUL]
@@ -328,12 +323,12 @@ def _friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Q
     A little above that it stops in every period still, of which a balance of few harmonics misses a part:
     then with the ``highest`` amplitude of the curve and that of the motion in time, where they differ.
     """
-    if not np.isfinite(found.curve.units.kilogram) or len(found.solution) != len(found.model.parameters):
+    if len(found.solution) != len(found.model.parameters):
         return {}
     law, rate = law_of(found.model.elements), 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
     friction = law.dry_friction(ROUND_OFF * rate, found.solution)
     least = 4 / np.pi * friction
-    numbers = quantities(friction=Quantity(friction, "N"), least=Quantity(least, "N"))
+    numbers = quantities(found.curve.units.force, friction=friction, least=least)
     if not len(curve.frequency):
         return numbers if curve.force < least else {}
     if curve.force >= MAX_FORCE_TO_FRICTION * friction:
@@ -567,9 +562,10 @@ def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) 
     band = (0.0, inf) if getattr(test, "decays", False) else found.frequency_range
     one_force = test if isinstance(test, ResponseSurface) else None
     sweeps = () if one_force is None or one_force.response_held else np.unique(one_force.sweep).tolist()
-    curves = predict(found, asked).curves
-    said = [largest_of_curve(curve, test.base, band, sweeps) for curve in curves]
-    return said + levels_meant(found, curves, one_force)
+    predicted = predict(found, asked)
+    said = [largest_of_curve(curve, test.base, band, sweeps) for curve in predicted]
+    said += [one for one in predicted.findings if "friction" in one.numbers]
+    return said + levels_meant(found, predicted.curves, one_force)
 
 
 def shown_levels(

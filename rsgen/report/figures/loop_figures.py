@@ -15,10 +15,9 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.oscillator import Model
-from rsgen.data.surface.response_surface import ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface, choose_levels
 from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text
-from rsgen.identification.prediction.prediction_result import choose_levels
 from rsgen.identification.results import Identification
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures import drawing, equivalent

@@ -15,10 +15,9 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.record_set import level_name
-from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts, within
+from rsgen.data.surface.response_surface import ResponseSurface, choose_levels, typical_amounts, within
 from rsgen.formula.units import SWEEPS, Scale, choose_scale, number_text, quantity_text
 from rsgen.identification.prediction import HeldOutLevel, Prediction, ResonanceCurve
-from rsgen.identification.prediction.prediction_result import choose_levels
 from rsgen.identification.results import MultisineIdentification
 from rsgen.report.figures.drawing import (
     BLUE,
