@@ -89,21 +89,6 @@ def inline_svg(drawing: Drawing) -> Markup:
     return Markup(text)  # noqa: S704 - written by matplotlib, which escapes text; the label is escaped here
 
 
-_CONTENTS = (
-    ("verdict", "Result"), ("response-surface", "Response surface"),
-    ("equivalent", "Stiffness and damping"), ("prediction", "Prediction"), ("laws", "Describing functions"),
-    ("method", "Method"), ("warnings", "Warnings"), ("provenance", "Provenance"),
-)  # fmt: skip
-_LINE_CONTENTS = (
-    _CONTENTS[0],
-    ("test", "Test"),
-    ("misfit", "Balance at the lines"),
-    ("modal", "Modal table"),
-    *(entry for entry in _CONTENTS[3:] if entry[0] != "method"),
-)
-"""Of a multisine, whose one estimate needs no section on methods."""
-
-
 def _formula(expression: Any, display: bool = False) -> Markup:
     return Markup(mathml(expression, display=display))  # noqa: S704 - sieved by notation
 
@@ -410,12 +395,6 @@ def mean_sentence(surface: ResponseSurface, identification: Identification) -> s
     return f"At the largest response the displacement swings from {low} to {high} about a mean of {middle}."
 
 
-def _contents(sections: tuple[tuple[str, str], ...], found: Identification) -> list[tuple[str, str]]:
-    """Return the sections of a page, with that of the laws compared where there is one."""
-    compared = [] if found.ranking is None else [("ranking", "Laws compared")]
-    return [*sections[:-2], *compared, *sections[-2:]]
-
-
 def _test_context(
     surface: ResponseSurface | MultisineSpectra, identification: Identification
 ) -> dict[str, Any]:
@@ -423,13 +402,11 @@ def _test_context(
     if isinstance(surface, MultisineSpectra):
         approximations = cast("MultisineIdentification", identification).approximations
         return {
-            "contents": _contents(_LINE_CONTENTS, identification),
             "test_sentence": sentences.spectra_sentence(surface, identification.frequency_range),
             "mean_sentence": None,
             "linear_table": tables.linear_table(approximations, identification.curve.units),
         }
     return {
-        "contents": _contents(_CONTENTS, identification),
         "test_sentence": sentences.surface_sentence(surface),
         "mean_sentence": mean_sentence(surface, identification),
         "linear_table": None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -88,12 +89,6 @@ def draw_modal(
     return drawing.Drawing("modal", figure, caption, ax is None)
 
 
-def _say_empty(axes: Axes, drawn: Sequence[Array]) -> None:
-    """Say in an empty panel that nothing is known."""
-    if not any(np.isfinite(values).any() for values in drawn):
-        axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes)
-
-
 _LEVELS = {"N": "Level F", "m": "Level X"}
 """Name of levels by their unit; those of a base are levels."""
 
@@ -101,6 +96,9 @@ _QUANTILES_IN_PICTURE = (MAX_SHARE_OF_OUTLIERS_BY_CHANCE / 2, 1 - MAX_SHARE_OF_O
 """Quantiles of the points that stand in the picture in any case."""
 
 _FORMULA: dict[str, Any] = {"color": "#009E73", "lw": 1.1, "ls": (0, (5, 2))}
+
+_ABOVE: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 2, "columnspacing": 1}
+"""Place of a legend above its panel, where it hides nothing."""
 
 _Place = tuple[Array, Array]
 """Abscissae and ordinates in a panel."""
@@ -123,73 +121,88 @@ def draw_collapse(
         One axes for the stiffness, or two for stiffness and damping; None makes a figure.
     """
     curve, law = identification.curve, identification.model.force
-    # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
     joint = remembers(law)
+    # a damper that acts on the velocity alone has one curve over its amplitude omega X, and none over X
     speed = not joint and _acts_on_velocity(law)
 
-    def places(amplitude: Array, omega: Array, stiffness: Array, damping: Array) -> tuple[_Place, _Place]:
+    def places(of: equivalent.Backbone) -> tuple[_Place, _Place]:
         """Return k over X; and of a joint omega c, of a drag c over omega X, else c."""
-        along = amplitude * omega if speed else amplitude
-        return (amplitude, stiffness), (along, damping * omega if joint else damping)
+        along = of.amplitude * of.omega if speed else of.amplitude
+        return (of.amplitude, of.stiffness), (along, of.damping * of.omega if joint else of.damping)
 
     grid = equivalent.amplitudes_tested(identification)
-    model, *halves = equivalent.refined_band(identification, grid)
-    omega = 2 * np.pi * curve.frequency
-    clouds = places(curve.amplitude, omega, curve.stiffness, curve.damping)
-    levels = places(*_at_resonances(identification))
-    lines, bands = (places(grid, model.omega, *of) for of in ((model.stiffness, model.damping), halves))
-    first = equivalent.backbone(identification, equivalent.solution_of(identification), grid)
-    formulas = places(grid, first.omega, first.stiffness, first.damping)
-    force = choose_scale(curve.level, curve.level_unit)
-    norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
-    figure, panels = drawing.take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
-    x = choose_scale(curve.amplitude, "m")
-    scales = (x, choose_scale(curve.amplitude * omega, "m/s") if speed else x)
+    model, half_stiffness, half_damping = equivalent.refined_band(identification, grid)
+    lines, bands = places(model), places(replace(model, stiffness=half_stiffness, damping=half_damping))
+    tested = equivalent.Backbone(
+        curve.amplitude, 2 * np.pi * curve.frequency, curve.stiffness, curve.damping, identification.mass
+    )
+    clouds, levels = places(tested), places(_at_resonances(identification))
+    formulas = places(equivalent.backbone(identification, equivalent.solution_of(identification), grid))
     damper = ("Loss stiffness ωc", "N/m", 0.2) if joint else ("Damping c", "N*s/m", 0.2)
     kinds = (("Stiffness k", "N/m", 0.06), damper)
-    pairs = zip(lines, formulas, kinds, strict=True)
-    differs = any(_differs(line, formula, least) for (_, line), (_, formula), (*_, least) in pairs)
-    others = [(formulas, "describing function", _FORMULA)] * differs
+    triples = zip(lines, formulas, kinds, strict=True)
+    differs = any(_differs(line, formula, least) for line, formula, (*_, least) in triples)
+    name = "refined model" if differs else "describing function"
+    drawn = [(lines, f"{name}, {CONFIDENCE_TEXT} band", {**drawing.REFINED, "lw": 1.1})]
+    drawn += [(formulas, "describing function", _FORMULA)] * differs
     if truth is not None:
         true = equivalent.smooth_backbone(identification, grid, truth)
-        truths = places(grid, true.omega, true.stiffness, true.damping)
-        others.append((truths, "derived, true values", drawing.TRUTH))
-    for i, (axes, (name, unit, least)) in enumerate(zip(panels, kinds, strict=False)):
-        (place, cloud), (course, line), wide = clouds[i], lines[i], scales[i].factor
-        y = choose_scale(line if line.size else cloud, curve.units.of(unit))
-        _draw_points(axes, place / wide, cloud / y.factor, curve.level / force.factor, norm)
-        at, heights = levels[i]
-        name_of_levels = "levels at resonance" if at.size else None
-        axes.plot(at / wide, heights / y.factor, label=name_of_levels, **drawing.POINT)
-        curve_name = "refined model" if differs else "describing function"
-        _draw_model(axes, course / wide, line / y.factor, bands[i][1] / y.factor, curve_name)
-        drawn = [_range_shown(cloud) / y.factor, heights / y.factor, line / y.factor]
-        for of, label, look in others:
-            course, line = of[i]
-            axes.plot(course / wide, line / y.factor, label=label, **look)
-            drawn.append(line / y.factor)
-        equivalent.calm_limits(axes, drawn, least=least)
-        _say_empty(axes, drawn)
+        drawn.append((places(true), "derived, true values", drawing.TRUTH))
+    force = choose_scale(curve.level, curve.level_unit)
+    norm = Normalize(0, float(np.max(curve.level, initial=0.0)) / force.factor or 1.0)
+    points = {"c": curve.level / force.factor, "cmap": drawing.level_colours(), "norm": norm}
+    figure, panels = drawing.take_axes(ax, 2, (4.4, 4.6), sharex=not speed)
+    x = choose_scale(curve.amplitude, "m")
+    scales = (x, choose_scale(tested.amplitude * tested.omega, "m/s") if speed else x)
+    for i, (axes, x, (name, unit, least)) in enumerate(zip(panels, scales, kinds, strict=False)):
+        curves = [(of[i], label, look) for of, label, look in drawn]
+        y = choose_scale(lines[i][1] if grid.size else clouds[i][1], curve.units.of(unit))
+        _draw_panel(axes, (x, y), clouds[i], points, levels[i], curves, bands[i][1], least)
         axes.set_ylabel(y.label(name))
-    # above the panel nothing is hidden
-    above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 2, "columnspacing": 1}
-    panels[0].legend(**(above if ax is None else {"loc": "best"}))
-    if speed or len(panels) == 1:
-        panels[0].set_xlabel(x.label("Amplitude X"))
-    for axes in panels[1:]:
-        axes.set_xlabel(scales[1].label("Velocity amplitude ωX" if speed else "Amplitude X"))
+        if speed or ax is not None or axes is panels[-1]:
+            axes.set_xlabel(x.label("Velocity amplitude ωX" if speed and i else "Amplitude X"))
+    panels[0].legend(**(_ABOVE if ax is None else {"loc": "best"}))
     drawing.colour_bar(panels[0], norm, force.label(_LEVELS.get(curve.level_unit, "Level")))
     caption = _collapse_caption(identification, harmonics=model.harmonics is not None, differs=differs)
     return drawing.Drawing("collapse", figure, caption, ax is None)
 
 
-def _at_resonances(identification: Identification) -> tuple[Array, Array, Array, Array]:
-    """Return amplitude, omega, stiffness and damping of the levels that reach resonance, by amplitude."""
+def _draw_panel(
+    axes: Axes,
+    scales: tuple[Scale, Scale],
+    cloud: _Place,
+    points: Mapping[str, Any],
+    levels: _Place,
+    curves: Sequence[tuple[_Place, str, Mapping[str, Any]]],
+    half: Array,
+    least: float,
+) -> None:
+    """Draw test points, levels at resonance and curves, the first with half the width of its band."""
+
+    def scaled(place: Array, height: Array) -> tuple[Array, Array]:
+        return place / scales[0].factor, height / scales[1].factor
+
+    axes.scatter(*scaled(*cloud), s=7, linewidths=0, rasterized=len(cloud[0]) > 300, **points)
+    axes.plot(*scaled(*levels), label="levels at resonance" if levels[0].size else None, **drawing.POINT)
+    place, line = curves[0][0]
+    (place, low), (_, high) = scaled(place, line - half), scaled(place, line + half)
+    axes.fill_between(place, low, high, color=drawing.ORANGE, alpha=0.18, lw=0)
+    heights = [scaled(*levels)[1], _range_shown(cloud[1]) / scales[1].factor]
+    for of, label, look in curves:
+        axes.plot(*scaled(*of), label=label, **look)
+        heights.append(scaled(*of)[1])
+    equivalent.calm_limits(axes, heights, least=least)
+    if not any(np.isfinite(values).any() for values in heights):
+        axes.text(0.5, 0.5, "not known", ha="center", va="center", transform=axes.transAxes)
+
+
+def _at_resonances(identification: Identification) -> equivalent.Backbone:
+    """Return the levels that reach resonance, by amplitude."""
     reached = [point for point in identification.resonances if point.reached]
     read = sorted(reached, key=lambda point: point.amplitude)
     names = ("amplitude", "frequency", "stiffness", "damping")
     amplitude, frequency, stiffness, damping = (np.array([getattr(p, name) for p in read]) for name in names)
-    return amplitude, 2 * np.pi * frequency, stiffness, damping
+    return equivalent.Backbone(amplitude, 2 * np.pi * frequency, stiffness, damping, identification.mass)
 
 
 def _range_shown(cloud: Array) -> Array:
@@ -222,31 +235,11 @@ def _collapse_caption(identification: Identification, *, harmonics: bool, differ
     return caption
 
 
-def _draw_points(axes: Axes, place: Array, height: Array, level: Array, norm: Normalize) -> None:
-    """Draw test points, coloured by level."""
-    axes.scatter(
-        place,
-        height,
-        c=level,
-        cmap=drawing.level_colours(),
-        norm=norm,
-        s=7,
-        linewidths=0,
-        rasterized=len(height) > 300,
-    )
-
-
-def _differs(line: Array, formula: Array, least: float) -> bool:
+def _differs(line: _Place, formula: _Place, least: float) -> bool:
     """Decide whether two curves of a panel, which spans ``least`` of its values, can be told."""
-    span = max(np.ptp(line), least * np.abs(line).max()) if line.size else np.inf
-    return bool(np.any(np.abs(formula - line) > RELATIVE_CHANGE_NEGLIGIBLE * span))
-
-
-def _draw_model(axes: Axes, place: Array, height: Array, half: Array, name: str) -> None:
-    """Draw the curve of the refined model with its band."""
-    axes.fill_between(place, height - half, height + half, color=drawing.ORANGE, alpha=0.18, lw=0)
-    look = {**drawing.REFINED, "lw": 1.1}
-    axes.plot(place, height, label=f"{name}, {CONFIDENCE_TEXT} band", **look)
+    height = line[1]
+    span = max(np.ptp(height), least * np.abs(height).max()) if height.size else np.inf
+    return bool(np.any(np.abs(formula[1] - height) > RELATIVE_CHANGE_NEGLIGIBLE * span))
 
 
 def _acts_on_velocity(force: sympy.Expr) -> bool:

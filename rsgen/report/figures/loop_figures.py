@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,66 +67,54 @@ def draw_forces(
     # the largest response is at a resonance, not where the band ends
     speeds = 2 * np.pi * (curve.amplitude * curve.frequency)[curve.used]
     fast = float(np.nanmax(speeds, initial=0.0)) or high * 2 * np.pi * identification.frequency_range[1]
-    x, v = np.linspace(-high, high, 401), np.linspace(-fast, fast, 401)
-    zero = np.zeros(401)
-    model = identification.model
-    refined = force_function(model, equivalent.solution_of(identification))
-    true = None if truth is None else force_function(model, truth)
+    model, restoring, zero = identification.model, identification.restoring, np.zeros(401)
+    laws: dict[str, tuple[Mapping[str, float], dict[str, Any]]]
+    laws = {"refined": (equivalent.solution_of(identification), drawing.REFINED)}
+    laws |= {} if truth is None else {"truth": (truth, drawing.TRUTH)}
     figure, panels = drawing.take_axes(ax, 2, (4.4, 4.6))
-    restoring = identification.restoring
-    kinds = (("stiffness force", x, "m"), ("damping force", v, "m/s"))
-    for axes, (what, place, unit) in zip(panels, kinds, strict=False):
-        inverted = None
-        if restoring is not None:
-            inverted = (
-                (restoring.displacement, restoring.stiffness_force, restoring.stiffness_band)
-                if unit == "m"
-                else (restoring.velocity, restoring.damping_force, restoring.damping_band)
-            )
-        force, expected = (
-            None if law is None else law(place, zero) if unit == "m" else law(zero, place) - law(zero, zero)
-            for law in (refined, true)
-        )
-        if force is not None:
-            named = identification.curve.units.of("N")
-            _panel(axes, what, place, unit, force, expected, inverted, named)
+    kinds = (("stiffness", "displacement", high, "m"), ("damping", "velocity", fast, "m/s"))
+    for axes, (what, motion, end, unit) in zip(panels, kinds, strict=False):
+        place, still = np.linspace(-end, end, 401), unit == "m"
+        lines = []
+        for name, (values, look) in laws.items():
+            law = force_function(model, values)
+            force = law(place, zero) if still else law(zero, place) - law(zero, zero)
+            lines.append((name, force, look))
+        columns = (motion, f"{what}_force", f"{what}_band")
+        points = None if restoring is None else [getattr(restoring, name) for name in columns]
+        x, y = choose_scale(place, unit), choose_scale(lines[0][1], curve.units.of("N"))
+        _draw_force(axes, (x.factor, y.factor), place, lines, points)
+        axes.set_xlabel(x.label("Displacement x" if still else "Velocity v"))
+        axes.set_ylabel(y.label(f"{what.capitalize()} force"))
     caption = "Forces of springs and of dampers over the tested range"
     if restoring is not None:
         caption += f", and the nonparametric restoring force (points, {CONFIDENCE_TEXT} band)"
     return drawing.Drawing("forces", figure, f"{caption}.", ax is None)
 
 
-def _panel(
+def _draw_force(
     axes: Axes,
-    what: str,
+    scale: tuple[float, float],
     place: Array,
-    unit: str,
-    force: Array,
-    true: Array | None,
-    inverted: tuple[Array, Array, Array] | None,
-    force_unit: str,
+    lines: Sequence[tuple[str, Array, Mapping[str, Any]]],
+    points: Sequence[Array] | None,
 ) -> None:
-    x = choose_scale(place, unit)
-    y = choose_scale(force, force_unit)
-    if inverted is not None:
-        at, drawn, band = inverted
+    """Draw forces (n,) by name at ``place`` (n,), and places, forces and half bands of points."""
+    across, height = scale
+    shown = [force / height for _, force, _ in lines]
+    if points is not None:
         # a band wider than the force itself determines nothing: near rest, and at rare amplitudes
-        narrow = band < _WIDEST_BAND * np.nanmax(np.abs(force), initial=0.0)
-        at, drawn, band = at[narrow], drawn[narrow], band[narrow]
-        low, high = (drawn - band) / y.factor, (drawn + band) / y.factor
-        axes.fill_between(at / x.factor, low, high, color=drawing.BLUE, alpha=0.18, lw=0)
+        narrow = points[2] < _WIDEST_BAND * np.nanmax(np.abs(lines[0][1]), initial=0.0)
+        at, force, band = (column[narrow] for column in points)
+        at, low, high = at / across, (force - band) / height, (force + band) / height
+        axes.fill_between(at, low, high, color=drawing.BLUE, alpha=0.18, lw=0)
         few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))
-        axes.plot(at[few] / x.factor, drawn[few] / y.factor, label="nonparametric", **drawing.POINT)
-    axes.plot(place / x.factor, force / y.factor, label="refined", **drawing.REFINED)
-    if true is not None:
-        axes.plot(place / x.factor, true / y.factor, label="truth", **drawing.TRUTH)
-    # a band that is wide for want of data must not make the forces flat
-    lines = [
-        line / y.factor for line in (force, true, None if inverted is None else drawn) if line is not None
-    ]
-    equivalent.calm_limits(axes, lines)
-    axes.set_xlabel(x.label("Displacement x" if unit == "m" else "Velocity v"))
-    axes.set_ylabel(y.label(what.capitalize()))
+        axes.plot(at[few], force[few] / height, label="nonparametric", **drawing.POINT)
+        # a band that is wide for want of data must not make the forces flat
+        shown.append(force / height)
+    for name, force, look in lines:
+        axes.plot(place / across, force / height, label=name, **look)
+    equivalent.calm_limits(axes, shown)
     axes.legend(loc="upper left")
 
 
