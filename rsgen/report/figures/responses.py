@@ -38,26 +38,17 @@ _SPREAD_OF_LEVEL = 0.1
 """Of the force at the points of a level: a curve at a force that is farther off belongs to no level."""
 
 
-def _runs(curve: ResonanceCurve) -> list[tuple[slice, bool]]:
-    """Split a curve where its stability changes; neighbours share their end point, so that no gap shows."""
-    changes = np.flatnonzero(np.diff(curve.stable.astype(np.int8))) + 1
-    edges = [0, *changes.tolist(), len(curve.frequency)]
-    return [
-        (slice(start, min(stop + 1, len(curve.frequency))), bool(curve.stable[start]))
-        for start, stop in pairwise(edges)
-        if stop > start
-    ]
-
-
 def _draw_curve(
     axes: Axes, curve: ResonanceCurve, factor: float, colour: object, label: str | None = None
 ) -> None:
-    for part, (run, stable) in enumerate(_runs(curve)):
+    """Draw a curve, dashed where it is unstable; parts share their end point, so that no gap shows."""
+    changes = np.flatnonzero(np.diff(curve.stable)) + 1
+    for part, (start, stop) in enumerate(pairwise([0, *changes.tolist(), len(curve.frequency)])):
         axes.plot(
-            curve.frequency[run],
-            curve.amplitude[run] / factor,
+            curve.frequency[start : stop + 1],
+            curve.amplitude[start : stop + 1] / factor,
             color=colour,
-            ls="-" if stable else (0, (2.5, 1.8)),
+            ls="-" if curve.stable[start] else (0, (2.5, 1.8)),
             lw=1.1,
             label=f"_{label}" if part and label else label,
         )
@@ -82,16 +73,13 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
         Axes to draw on; None makes a figure.
     """
     surface = within(surface, prediction.observed)
-    levels, shown = _shown_levels(surface, prediction)
-    predicted = (
-        {curve.level: curve for curve in prediction.curves if len(curve.frequency)}
-        if surface.response_held
-        else _curves_of(prediction, surface)
-    )
+    held, drawn = surface.response_held, [curve for curve in prediction.curves if len(curve.frequency)]
+    predicted = {curve.level: curve for curve in drawn} if held else _curves_of(drawn, surface)
+    levels, shown = _shown_levels(surface, predicted)
     scale = choose_scale(shown.amplitude, "m")
     colours = level_colours()(np.linspace(0, 1, len(levels)))
     figure, (axes,) = take_axes(ax, 1, (4.4, 3.7))
-    curves, untested = list[ResonanceCurve](), list[ResonanceCurve]()
+    curves = list[ResonanceCurve]()
     changing = _group(tuple(o for o in (*prediction.fitted, *prediction.held_out) if o.changes))
     for level, colour in zip(levels, colours, strict=True):
         _draw_measured(axes, shown, level, scale.factor, colour)
@@ -100,34 +88,31 @@ def draw_responses(surface: ResponseSurface, prediction: Prediction, *, ax: Give
             name = item.name if item is changing[level][0] else None
             _draw_predicted(axes, item, scale.factor, colour, name)
         if curve is not None and level not in changing:
-            held = surface.response_held
             name = curve.name if held else level_name(level, surface.level_unit, surface.label_of(level))
             forces = [quantity_text(size, curve.level_unit, 3) for size in (curve.level, level)]
             if not held and forces[0] != forces[1]:
                 name += f" at {forces[0]}"
             _draw_curve(axes, curve, scale.factor, colour, name)
             curves.append(curve)
-    for curve in () if surface.response_held else prediction.curves:
-        if len(curve.frequency) and not any(curve is one for one in predicted.values()):
-            nominal = np.isclose(surface.levels, curve.level).any()
-            name = f"{curve.name}, {'held constant' if nominal else 'not tested'}"
-            _draw_curve(axes, curve, scale.factor, "0.5", name)
-            curves.append(curve)
-            untested.append(curve)
+    untested = [] if held else [one for one in drawn if not any(one is of for of in predicted.values())]
+    for curve in untested:
+        nominal = np.isclose(surface.levels, curve.level).any()
+        name = f"{curve.name}, {'held constant' if nominal else 'not tested'}"
+        _draw_curve(axes, curve, scale.factor, "0.5", name)
+    curves += untested
     tested = surface.select(surface.settled)
-    beyond = _limit(
-        axes, shown, tested, scale.factor, prediction.band, curves if prediction.band else untested
-    )
+    inside = curves if prediction.band else untested
+    beyond = _limit(axes, shown, tested, scale.factor, prediction.band, inside)
     axes.set_xlabel("Frequency [Hz]")
     axes.set_ylabel(scale.label("Amplitude X"))
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        title = "Force F" if surface.response_held else level_word(surface)
+        title = "Force F" if held else level_word(surface)
         axes.legend(handles[::-1], labels[::-1], title=title, title_fontsize=7.5, loc="best")
     caption = _responses_caption(
         surface, shown, {v: predicted[v] for v in {*predicted} - {*changing}}, curves
     )
-    if changing and not surface.response_held:
+    if changing and not held:
         caption += " Where the force of a level changes, a line joins what the model predicts for each point."
     caption += " Shaded: beyond the tested frequencies or amplitudes, by the law alone." if beyond else ""
     return Drawing("responses", figure, caption, ax is None)
@@ -186,14 +171,14 @@ def _responses_caption(
 
 
 def _shown_levels(
-    surface: ResponseSurface, prediction: Prediction
+    surface: ResponseSurface, predicted: Mapping[float, ResonanceCurve]
 ) -> tuple[Sequence[float], ResponseSurface]:
-    """At most six levels, and the points of them; where X was held, forces of curves."""
-    if not surface.response_held:
-        levels = choose_levels(_predicted(surface, prediction))
-        return levels, surface.select(np.isin(surface.level, levels) & surface.settled)
-    drawn = [curve.level for curve in prediction.curves if len(curve.frequency)]
-    return drawn[:: -(-len(drawn) // 6) or 1], surface.select(surface.settled)
+    """Return at most six levels, those with a curve if any has one, and their points; of held X, forces."""
+    levels = [*predicted]
+    if surface.response_held:
+        return levels[:: -(-len(levels) // 6) or 1], surface.select(surface.settled)
+    levels = choose_levels(surface.select(np.isin(surface.level, levels)) if levels else surface)
+    return levels, surface.select(np.isin(surface.level, levels) & surface.settled)
 
 
 def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Array]:
@@ -210,17 +195,6 @@ def _tested(shown: ResponseSurface, level: float, sweep: str) -> tuple[Array, Ar
         slope = (over[at + 1] - over[at]) / (f[at + 1] - f[at])
         found += [(float(place), float(held)) for place in f[at] - over[at] / slope]
     return np.array([f for f, _ in found]), np.array([a for _, a in found])
-
-
-def _predicted(surface: ResponseSurface, prediction: Prediction) -> ResponseSurface:
-    """Keep the levels for which there is a curve; all where there is none at all."""
-    there = list(_curves_of(prediction, surface))
-    return surface.select(np.isin(surface.level, there)) if there else surface
-
-
-def _forces(surface: ResponseSurface) -> dict[float, float]:
-    """Return the force [N], or per unit mass, measured near the resonance of each level."""
-    return {float(v): float(force) for v, force in zip(surface.levels, typical_amounts(surface), strict=True)}
 
 
 def _limit(
@@ -248,20 +222,18 @@ def _limit(
     return highest > largest or (left, right) != (low, high)
 
 
-def _curves_of(prediction: Prediction, surface: ResponseSurface) -> dict[float, ResonanceCurve]:
+def _curves_of(curves: Sequence[ResonanceCurve], surface: ResponseSurface) -> dict[float, ResonanceCurve]:
     """Return the curve at each level that has one: at the nearest of the forces measured near resonance."""
-
-    def size(curve: ResonanceCurve) -> float:
+    found = dict[float, tuple[float, ResonanceCurve]]()
+    levels, forces = surface.levels, typical_amounts(surface)
+    for curve in curves:
         # of a driven base the level is a force per unit mass
-        return curve.level if surface.per_mass else curve.force
-
-    forces, found = _forces(surface), dict[float, ResonanceCurve]()
-    for curve in prediction.curves:
-        level, force = min(forces.items(), key=lambda pair: abs(pair[1] - size(curve)))
-        nearer = level not in found or abs(size(found[level]) - force) > abs(size(curve) - force)
-        if len(curve.frequency) and nearer and abs(size(curve) - force) <= _SPREAD_OF_LEVEL * force:
-            found[level] = curve
-    return found
+        off = np.abs(forces - (curve.level if surface.per_mass else curve.force))
+        near = int(np.argmin(np.nan_to_num(off, nan=np.inf)))
+        level, away = float(levels[near]), float(off[near])
+        if away <= _SPREAD_OF_LEVEL * forces[near] and away < found.get(level, (np.inf,))[0]:
+            found[level] = away, curve
+    return {level: curve for level, (_, curve) in found.items()}
 
 
 def _level_text(item: HeldOutLevel) -> str:
