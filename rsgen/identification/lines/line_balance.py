@@ -39,7 +39,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -309,11 +309,29 @@ class Balance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LawSpectra:
-    """A law along one motion: balance (H+1,) [N], slopes (q, H+1) as of ``Balance``, mean of x [m]."""
+    """A law along one motion.
+
+    Parameters
+    ----------
+    balance, slopes
+        (H+1,) [N] and (q, H+1), as of ``Balance``.
+    mean
+        Mean of x [m].
+    trajectory
+        x, v, a (1, s), and their sampling interval [s].
+    by_x, by_v
+        (s,) slopes of the law.
+    dynamic
+        (extended + 1,) dynamic stiffness m s^2 + c s + k [N/m] with the mean slopes k and c.
+    """
 
     balance: ComplexArray
     slopes: ComplexArray
     mean: float
+    trajectory: tuple[Array, Array, Array, Array]
+    by_x: Array
+    by_v: Array
+    dynamic: ComplexArray
 
 
 class LawAlongRecord:
@@ -342,7 +360,7 @@ class LawAlongRecord:
         self._high = orders > lines.highest[record]
         self._measured = ~(self._low | self._high)[: len(self._response)]
         self._computed = self._solve_lines()
-        self.mean, self._mean_dynamic = self._evaluate(self._force, self._response, self._computed, self._law)
+        self.mean = self._evaluate(self._force, self._response, self._computed, self._law)
 
     def _dynamic_stiffness(self, sample: ForceSample) -> ComplexArray:
         """Return m s^2 + c s + k (extended + 1,) [N/m] with the mean slopes k and c of the law."""
@@ -386,8 +404,8 @@ class LawAlongRecord:
         low, inertia = self._low[:count], self._mass * self._rate[:count] ** 2
         # at a computed line the motion follows the force: m s^2 / (m s^2 + c s + k) of it stays in the
         # balance
-        dynamic = np.where(low, inertia, self._mean_dynamic[:count])
-        share = np.where(low, inertia / self._mean_dynamic[:count], 1)
+        dynamic = np.where(low, inertia, self.mean.dynamic[:count])
+        share = np.where(low, inertia / self.mean.dynamic[:count], 1)
         power = np.abs(share) ** 2 * force + np.abs(dynamic) ** 2 * response
         return np.asarray(np.maximum(power, ROUND_OFF * float(power.max()) or 1.0))
 
@@ -395,43 +413,31 @@ class LawAlongRecord:
         """Evaluate the law of a period along its motion, of lines (H+1,) [N] and [m]."""
         count, computed = len(response), np.array(self._computed)
         low = self._low[:count]
-        computed[:count][low] += ((force - self._force) / self._mean_dynamic[:count])[low]
-        return self._evaluate(force, response, computed, law)[0]
-
-    @cached_property
-    def trajectory(self) -> tuple[Array, Array, Array, Array]:
-        """x, v, a (1, s) of the mean motion, and their sampling interval [s]."""
-        return self._waves(self._motion(self._response, self._computed))[:4]
-
-    @cached_property
-    def _mean_slopes(self) -> tuple[Array, Array]:
-        """Slopes (s,) of the law along the mean motion, by x and by v."""
-        sample = self._law.sample(*self.trajectory, self._values)
-        shape = 1, self._lines.samples
-        return np.broadcast_to(sample.by_x, shape)[0], np.broadcast_to(sample.by_v, shape)[0]
+        computed[:count][low] += ((force - self._force) / self.mean.dynamic[:count])[low]
+        return self._evaluate(force, response, computed, law)
 
     def lines_of(self, forces: Array) -> ComplexArray:
         """Return the lines (n, H+1) [N] that forces (n, s) along the mean motion add to the balance.
 
         They move the lines of the motion that follow from the law, which the linearised law answers.
         """
-        by_x, by_v = self._mean_slopes
+        by_x, by_v = self.mean.by_x, self.mean.by_v
         forces = self._with_mean(forces, by_x)
         if self._low.any():
-            change = self._motion_slopes(self._spectrum(forces), by_x, by_v, self._mean_dynamic)
+            change = self._motion_slopes(self._spectrum(forces), by_x, by_v, self.mean.dynamic)
             forces = forces + change
         return self._spectrum(forces)[:, : len(self._response)]
 
     def damping_force(self) -> ComplexArray:
         """Return n(x, v) - n(x, 0) (H+1,) [N] along the mean motion, for a law without memory."""
-        x, v, a, step = self.trajectory
+        x, v, a, step = self.mean.trajectory
         moving, still = (self._law.sample(x, rate, a, step, self._values).force for rate in (v, 0 * v))
         return self._spectrum(np.broadcast_to(moving - still, x.shape))[0, : len(self._response)]
 
     def _evaluate(
         self, force: ComplexArray, response: ComplexArray, computed: ComplexArray, law: ForceLaw
-    ) -> tuple[LawSpectra, ComplexArray]:
-        """Evaluate a law along a motion; return its dynamic stiffness (extended + 1,) [N/m] as well."""
+    ) -> LawSpectra:
+        """Evaluate a law along a motion."""
         lines, values, count = self._lines, self._values, len(response)
         motion = self._motion(response, computed)
         x, v, a, step, mean = self._waves(motion)
@@ -459,7 +465,8 @@ class LawAlongRecord:
             columns = columns + self._motion_slopes(change, by_x, by_v, dynamic)
         spectra = self._spectrum(np.concatenate([np.broadcast_to(sample.force, x.shape), columns]))
         balance = force - self._mass * self._rate[:count] ** 2 * response - spectra[0, :count]
-        return LawSpectra(balance, spectra[1:, :count] - direct, mean), dynamic
+        slopes = spectra[1:, :count] - direct
+        return LawSpectra(balance, slopes, mean, (x, v, a, step), by_x, by_v, dynamic)
 
     def _with_mean(self, columns: Array, by_x: Array) -> Array:
         """Add what the mean displacement, where the law gives it, answers to forces (n, s)."""

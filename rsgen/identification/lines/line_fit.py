@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,6 +177,14 @@ class LineFit:
         """Empty array (lines, 0): a line has no unknowns of its own."""
         return np.zeros((np.count_nonzero(self.lines.used), 0))
 
+    def equations(self, *columns: Array) -> tuple[Array, Array]:
+        """Return residual (k,) and slopes (k, q), then further columns (lines, 2); last a weighed mass."""
+        line = self.linearise(self.parameters, self.nuisance)
+        rows = np.concatenate([line.by_parameter, *(column[:, :, None] for column in columns)], axis=2)
+        right = line.residual.reshape(-1)
+        rows = rows.reshape(len(right), -1)
+        return with_weighing(right, rows, self.lines.weighed, len(self.values), self.mass)
+
     def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
         """Return real and imaginary part of each used line, scaled to unit variance, at other parameters."""
         fit = self if parameters is self.parameters else replace(self, parameters=parameters)
@@ -316,11 +325,9 @@ def fit_larger_backgrounds(fit: LineFit) -> dict[str, Alternative]:
     larger = background_of_lines(LARGEST, lines.spectra, own.band)
     values = larger.values_from(own, fit.background)
     parameters = np.concatenate([fit.values, [fit.mass], values])
-    seen = replace(lines, background=larger)
-    line = replace(fit, lines=seen, parameters=parameters).linearise(parameters, fit.nuisance)
-    rows = line.by_parameter.reshape(line.residual.size, len(parameters))
-    right, rows = with_weighing(line.residual.reshape(-1), rows, lines.weighed, len(fit.values), fit.mass)
-    return larger_backgrounds(right, rows, fit.free[: len(fit.values) + 1], own, larger, larger.names)
+    seen = replace(fit, lines=replace(lines, background=larger), parameters=parameters)
+    free = fit.free[: len(fit.values) + 1]
+    return larger_backgrounds(*seen.equations(), free, own, larger, larger.names)
 
 
 def fit_second_sensor(fit: LineFit) -> dict[str, Alternative]:
@@ -331,18 +338,15 @@ def fit_second_sensor(fit: LineFit) -> dict[str, Alternative]:
     kinds = BACKGROUNDS[2:-1]  # those that follow the force
     terms = background_of_lines(kinds[-1], lines.spectra, lines.background.band)
     driven = np.where(lines.far == 0, 0, lines.spectra.force)
-    line, columns = fit.linearise(fit.parameters, fit.nuisance), []
+    right, columns = fit.linearise(fit.parameters, fit.nuisance).residual, []
     for unit in np.eye(len(terms.names))[1:]:
         moved = terms.receptance(unit).reshape(len(lines), 1, -1) * driven
         moved *= FINITE_DIFFERENCE_STEP * np.linalg.norm(lines.far) / np.linalg.norm(moved)
         other = replace(fit, lines=replace(fit.lines, far=lines.far + moved))
-        columns.append(line.residual - other.linearise(fit.parameters, fit.nuisance).residual)
-    rows = np.concatenate([line.by_parameter, np.stack(columns, axis=2)], axis=2)
+        columns.append(right - other.linearise(fit.parameters, fit.nuisance).residual)
     added = len(fit.parameters) + np.arange(len(columns))
     groups = {kind: [*free, *added[: 2 * i]] for i, kind in enumerate(kinds, start=1)}
-    count, right = len(fit.values), line.residual.reshape(-1)
-    equations = with_weighing(right, rows.reshape(len(right), -1), fit.lines.weighed, count, fit.mass)
-    return joint_alternatives(*equations, list(free), groups, count + 1)
+    return joint_alternatives(*fit.equations(*columns), list(free), groups, len(fit.values) + 1)
 
 
 def fit_fixed_parameters(fit: LineFit) -> dict[str, Alternative]:
@@ -353,12 +357,10 @@ def fit_fixed_parameters(fit: LineFit) -> dict[str, Alternative]:
 
 def _fit_added_parameters(fit: LineFit, added: Sequence[int] | NDArray[np.intp]) -> list[Alternative]:
     """Fit each of the added parameters together with all others."""
-    line, lines = fit.linearise(fit.parameters, fit.nuisance), fit.lines
-    matrix = line.by_parameter.reshape(line.residual.size, len(fit.parameters))
+    right, rows = fit.equations()
     others = np.delete(np.arange(len(fit.parameters)), added)
-    deviation = np.moveaxis(fit.noise.deviation * np.sqrt(2 / fit.variance)[:, None], 1, 2)[lines.used]
-    readings = np.stack([deviation.real, deviation.imag], axis=1).reshape(line.residual.size, -1).T
-    right, rows = with_weighing(line.residual.reshape(-1), matrix, lines.weighed, len(fit.values), fit.mass)
+    deviation = np.moveaxis(fit.noise.deviation * np.sqrt(2 / fit.variance)[:, None], 1, 2)[fit.lines.used]
+    readings = np.stack([deviation.real, deviation.imag], axis=1).reshape(-1, deviation.shape[1]).T
     return alternatives(
         right,
         rows[:, others],
@@ -504,52 +506,45 @@ class _SampledBalance:
     """
 
     def __init__(self, lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float]) -> None:
-        spectra = lines.spectra
-        samples = lines.samples
+        spectra, samples = lines.spectra, lines.samples
         motion = Motion(np.full(len(spectra), spectra.omega0), _clear_lines(spectra.mean_response, lines))
         force = Motion(motion.omega, _clear_lines(spectra.mean_force, lines)).waveforms(samples)[0]
-        self.force = force - force.mean(axis=1, keepdims=True)
-        self.x, self.v, self.a = motion.waveforms(samples)
+        force = force - force.mean(axis=1, keepdims=True)
+        x, v, a = motion.waveforms(samples)
         if not spectra.mean_known:
-            self.x = self.x - self.x.mean(axis=1, keepdims=True)
-        self.step = motion.interval(samples)
-        stride = max(1, self.x.size // _MAX_INSTANTS)
-        self.chosen = np.zeros(self.x.shape, dtype=bool)
+            x = x - x.mean(axis=1, keepdims=True)
+        chosen = np.zeros(x.shape, dtype=bool)
         # an odd stride meets all phases of a period, whose samples are a power of two
-        self.chosen.reshape(-1)[:: stride | 1] = True
-        self.law = law
+        chosen.reshape(-1)[:: max(1, x.size // _MAX_INSTANTS) | 1] = True
+        waves = [x, v, a, motion.interval(samples)]
         if lines.far is not None:
-            far = Motion(motion.omega, lines.far.mean(axis=1)).waveforms(samples)
-            x, v, a = far if law.remembers else (wave[self.chosen][None] for wave in far)
-            self.law = law.with_far((x, v, a))
-        self.weight = np.broadcast_to(1 / np.std(self.force, axis=1, keepdims=True), self.x.shape)
-        size = float(np.max(rms(spectra.mean_response)))
-        speed = float(np.max(np.std(self.v, axis=1)))
+            waves += Motion(motion.omega, lines.far.mean(axis=1)).waveforms(samples)
+        # a memory needs the whole motion
+        self._kept: Any = chosen if law.remembers else 0
+        if not law.remembers:
+            waves = [np.broadcast_to(wave, x.shape)[chosen][None] for wave in waves]
+        self._x, self._v, self._a, self._step, *far = waves
+        self.law = law.with_far((far[0], far[1], far[2])) if far else law
+        record = np.nonzero(chosen)[0]
+        self._weight = 1 / np.std(force, axis=1)[record]
+        self._right = force[chosen]
+        self._columns = [a[chosen], *(np.arange(len(x))[:, None] == record)]
+        size, speed = float(np.max(rms(spectra.mean_response))), float(np.max(np.std(v, axis=1)))
         self._known = np.full(len(law.linear) + 1 + len(spectra), np.nan)
         self._known[len(law.linear)] = fixed.get("m", np.nan)
-        self.natural = natural_sizes(law, size, speed / size, float(np.max(np.std(self.force, axis=1))))
+        self.natural = natural_sizes(law, size, speed / size, float(np.max(np.std(force, axis=1))))
 
     def rows(self, nonlinear: Array) -> tuple[Array, Array]:
         """Return matrix and right side for values of the parameters in which the law is not linear."""
-        law, chosen = self.law, self.chosen
-        values = np.zeros(len(law.parameters))
-        values[list(law.nonlinear)] = nonlinear
-        if law.remembers:
-            sample = law.sample(self.x, self.v, self.a, self.step, values)
-            constant_force = sample.force[chosen]
-            slopes = [sample.by_parameter[i][chosen] for i in law.linear]
-        else:
-            step = np.broadcast_to(self.step, self.x.shape)[chosen][None]
-            x, v, a = (wave[chosen][None] for wave in (self.x, self.v, self.a))
-            sample = law.sample(x, v, a, step, values)
-            constant_force = np.broadcast_to(sample.force, step.shape)[0]
-            slopes = [np.broadcast_to(sample.by_parameter[i], step.shape)[0] for i in law.linear]
-        weight = self.weight[chosen]
-        right = self.force[chosen] - constant_force
-        record = np.nonzero(chosen)[0]
-        constants = [(record == i).astype(float) for i in range(len(self.x))]
-        columns = [*slopes, self.a[chosen], *constants]
-        return np.stack(columns, axis=1) * weight[:, None], right * weight
+        values = np.zeros(len(self.law.parameters))
+        values[list(self.law.nonlinear)] = nonlinear
+        sample = self.law.sample(self._x, self._v, self._a, self._step, values)
+        shape = self._x.shape
+        force, *slopes = (
+            np.broadcast_to(part, shape)[self._kept] for part in (sample.force, *sample.by_parameter)
+        )
+        matrix = np.stack([*(slopes[i] for i in self.law.linear), *self._columns], axis=1)
+        return matrix * self._weight[:, None], (self._right - force) * self._weight
 
     def residual(self, nonlinear: Array) -> Array:
         """Return the residual at the best linear parameters and mass; large where the force is not finite."""

@@ -64,7 +64,7 @@ class LineBalance(WhitenedBalance):
         """Return the balance along the motions of a fitted law."""
         mode, spectra, law = fit.mode, fit.mode.spectra, len(fit.values)
         records = along_records(mode, fit.law, fit.values.tobytes(), fit.mass)
-        motions = [[record.trajectory for record in records]]
+        motions = [[record.mean.trajectory for record in records]]
         if mode.far is not None:
             share = fit.law.parts[1].share
             far = map(mode.far_waves, range(len(mode)))
