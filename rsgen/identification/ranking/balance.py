@@ -183,31 +183,6 @@ class ReferenceMotion:
         return tuple((*motion.waveforms(samples), motion.interval(samples)) for motion in motions)
 
 
-def measured_motion(observed: Observed, background: Array, sensors: str) -> ReferenceMotion:
-    """Return the measured mean and fundamental without the background, to begin without a law."""
-    mode = observed.mode(background)
-    phase = np.angle(mode.harmonics[:, 1])
-    harmonics = np.array(mode.harmonics[:, :2])
-    harmonics[:, 1] = np.abs(harmonics[:, 1])
-    motion = ReferenceMotion(
-        mode.omega,
-        harmonics,
-        mode.force * np.exp(-1j * phase),
-        np.zeros_like(harmonics),
-        np.zeros_like(mode.force),
-        np.array([0 in mode.measured, True]),
-        observed.points,
-        observed.background.receptance(background),
-        background,
-        *_mode_by_background(observed, background, phase),
-    )
-    if not sensors:
-        return motion
-    across = across_of_mode(observed.points.harmonics, mode.across, mode.harmonics, sensors)
-    across = Motion(mode.omega, across).turned(-phase).harmonics
-    return motion.with_across(harmonics, across, response_share(sensors))
-
-
 def predicted_motion(
     observed: Observed, background: Array, harmonics: ComplexArray, force: ComplexArray, turn: Array
 ) -> ReferenceMotion:
@@ -225,12 +200,13 @@ def predicted_motion(
     if not observed.points.phase_known:
         observed, turn = observed.with_phases(background, harmonics[:, 1], force), np.zeros(len(force))
     mode = observed.mode(background)
-    count = min(BALANCE_HARMONICS + 1, mode.harmonics.shape[1])
+    rows = min(BALANCE_HARMONICS + 1, harmonics.shape[1])
+    count = min(rows, mode.harmonics.shape[1])
     back = np.exp(-1j * turn)
-    deviation = np.zeros((len(mode), BALANCE_HARMONICS + 1), dtype=complex)
+    deviation = np.zeros((len(mode), rows), dtype=complex)
     turned = mode.harmonics[:, :count] * back[:, None] ** np.arange(count)
     deviation[:, :count] = turned - harmonics[:, :count]
-    measured = np.isin(np.arange(BALANCE_HARMONICS + 1), mode.measured)
+    measured = np.isin(np.arange(rows), mode.measured)
     deviation[:, ~measured] = 0
     return ReferenceMotion(
         mode.omega,
@@ -289,6 +265,8 @@ class WhitenedBalance(ABC):
         Between which the second motion is.
     weighed
         Mass [kg] and its standard error, in units of the noise, where it was weighed; None where it was not.
+    amplitudes_alone, odd_alone
+        True if neither phases nor harmonics were recorded, and if neither the mean nor an even harmonic was.
     """
 
     trajectories: tuple[Trajectory, ...]
@@ -301,6 +279,8 @@ class WhitenedBalance(ABC):
     level: Array
     sensors: str = field(default="", kw_only=True)
     weighed: tuple[float, float] | None = field(default=None, kw_only=True)
+    amplitudes_alone: bool = field(default=False, kw_only=True)
+    odd_alone: bool = field(default=False, kw_only=True)
     _linear_laws: dict[tuple[ForceLaw, bool], tuple[Array, Array]] = field(default_factory=dict, kw_only=True)
 
     def __len__(self) -> int:
@@ -310,16 +290,6 @@ class WhitenedBalance(ABC):
     def few(self) -> WhitenedBalance:
         """The points that suffice to choose among sums."""
         return self
-
-    @property
-    def amplitudes_alone(self) -> bool:
-        """True if neither phases nor harmonics were recorded."""
-        return False
-
-    @property
-    def odd_alone(self) -> bool:
-        """True if neither the mean nor an even harmonic was recorded."""
-        return False
 
     @abstractmethod
     def project(self, forces: Array) -> Array:
@@ -351,13 +321,6 @@ class WhitenedBalance(ABC):
             return self.project(forces)
 
 
-_QUADRATURE = 2
-"""Row of the imaginary part of the fundamental (mean, Re 1, Im 1, Re 2, ...), which only phases give."""
-
-_EVEN = slice(0, None, 4)
-"""Every fourth of these rows: the mean, or the imaginary part of an even harmonic."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PointBalance(WhitenedBalance):
     """The balance of points of a sine test, a motion a point and 2H+1 rows.
@@ -377,16 +340,6 @@ class PointBalance(WhitenedBalance):
     def few(self) -> PointBalance:
         """The points that suffice to choose among sums."""
         return self.select(self.spread)
-
-    @property
-    def amplitudes_alone(self) -> bool:
-        """True if neither phases nor harmonics were recorded."""
-        return not self.compared[_QUADRATURE]
-
-    @property
-    def odd_alone(self) -> bool:
-        """True if neither the mean nor an even harmonic was recorded."""
-        return not self.compared[_EVEN].any()
 
     def project(self, forces: Array) -> Array:
         """Return the rows (n, 2H+1, j) of j forces (n, samples, j) along the trajectory; others are 0."""
@@ -464,6 +417,9 @@ def whiten_balance(
         motion.points.spread(COMPARISON_POINTS),
         sensors=sensors,
         weighed=weighed and (weighed[0], weighed[1] / unit),
+        # rows: mean, Re 1, Im 1, Re 2, Im 2, ...; every fourth is of an even harmonic
+        amplitudes_alone=not motion.known[2],
+        odd_alone=not motion.known[::4].any(),
     )
 
 
@@ -587,8 +543,14 @@ def measured_rows(observed: Observed, background: Array, mass: float, sensors: s
     sensors
         Between which elements act; "" where all follow the response.
     """
-    motion = measured_motion(observed, background, sensors)
-    points = observed.points
+    points, mode = observed.points, observed.mode(background)
+    phase = np.angle(mode.harmonics[:, 1])
+    harmonics, force = mode.motion.turned(-phase).harmonics[:, :2], mode.force * np.exp(-1j * phase)
+    motion = predicted_motion(observed, background, harmonics, force, phase)
+    if sensors:
+        across = across_of_mode(points.harmonics, mode.across, mode.harmonics, sensors)
+        across = Motion(mode.omega, across).turned(-phase).harmonics
+        motion = motion.with_across(harmonics, across, response_share(sensors))
     balance = steady(motion.force, motion.harmonics[:, 1], points.omega)
     found = fit_mode(*balance, np.ones((len(points), 1)), 1 / np.abs(motion.force), mass=mass)
     values = found.values[[1, 0]]

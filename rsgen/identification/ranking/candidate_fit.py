@@ -400,6 +400,14 @@ class Round(ABC):
         """
         return other.leader, True
 
+    def larger_background(self, best: CandidateFit) -> Finding | None:
+        """Find a larger background with which a law leaves much less; None if there is none."""
+        return None
+
+    def even_force(self, best: CandidateFit) -> Finding | None:
+        """Find an even force that a law lacks; None if there is none."""
+        return None
+
     @abstractmethod
     def relative(self, residual: Array) -> float:
         """Return the root mean square of a residual (n, r) relative to force and response [1]."""
@@ -439,14 +447,6 @@ class RankedTest(ABC):
 
     def without_mean(self) -> RankedTest | None:
         """Return the test without a mean that may be the sensor's; None if it has none."""
-        return None
-
-    def larger_background(self, best: CandidateFit, current: Round) -> Finding | None:
-        """Find a larger background with which a law leaves much less; None if there is none."""
-        return None
-
-    def even_force(self, best: CandidateFit, current: Round) -> Finding | None:
-        """Find an even force that a law lacks; None if there is none."""
         return None
 
 

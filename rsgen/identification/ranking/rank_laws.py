@@ -79,19 +79,6 @@ _SHARE_OF_STAGES, _SHARE_OF_MOTIONS = 0.5, 0.4
 _FEEDS_ENERGY = "a damper of it would feed energy into the decay, which another law explains without"
 
 
-@dataclass(frozen=True, slots=True)
-class _Stage:
-    """Laws of the user and terms of the library that compete with each other, and how many a sum may have."""
-
-    laws: tuple[CandidateLaw, ...]
-    terms: tuple[Term, ...]
-    terms_in_sum: int
-
-    def entries(self, test: RankedTest) -> Candidates:
-        """Return the candidates of the stage."""
-        return Candidates(self.laws, self.terms, test.fixed, self.terms_in_sum)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Compared:
     """A round, and the candidates fitted along its motion, best first, and those with a fault."""
@@ -222,14 +209,15 @@ def _all_rounds(
     without a mean that may be the sensor's; their identification says whether it is.
     """
     plain = tuple(term for term in terms if not term.remembers)
-    without_memory, last = _Stage(given, plain, terms_in_sum), _Stage(given, terms, terms_in_sum)
+    without_memory, last = (Candidates(given, some, terms_in_sum, test.fixed) for some in (plain, terms))
     stages = [without_memory, last]
     if test.first.odd_alone:
         odd = tuple(law for law in given if law.law.odd), tuple(term for term in plain if term.law.odd)
-        stages = [_Stage(*odd, 1), _Stage(given, plain, 1), _Stage(*odd, terms_in_sum), *stages]
+        simple = ((*odd, 1), (given, plain, 1), (*odd, terms_in_sum))
+        stages = [*(Candidates(*stage, test.fixed) for stage in simple), *stages]
     rounds: list[_Compared] = []
     fault: RsgenError | None = None
-    tried = set[_Stage]()
+    tried = set[Candidates]()
     for number, stage in enumerate(stages):
         progress(_SHARE_OF_STAGES * number / len(stages))
         none_fits = number == len(stages) - 1 and not (rounds and _best_round(rounds).fits)
@@ -238,24 +226,23 @@ def _all_rounds(
             centred = _all_rounds(other, laws, plain, terms_in_sum, lambda share: None)
             if _best_round(centred).fits:
                 return centred
-        if stage in tried or not (stage.laws or stage.terms):
+        if stage in tried or not (stage.given or stage.terms):
             continue
         tried.add(stage)
-        entries = stage.entries(test)
         try:
-            candidates = entries.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
-            found = entries.fit(candidates, test.first, first=True)[0]
+            candidates = stage.search(test.first, rounds[-1].found[:_LEADERS] if rounds else [])
+            found = stage.fit(candidates, test.first, first=True)[0]
             least = min(fit.chi_squared for fit in found) / found[0].residual.size
             if stage != last and least > MISFIT_REJECTED**2:
                 continue
-            rounds += _rounds(test, found, entries)
+            rounds += _rounds(test, found, stage)
         except RsgenError as refused:
             fault = refused
             continue
         best = _best_round(rounds)
         precedes = stage not in (without_memory, last)
         if precedes and best.fits:
-            whole = _compare(test, best.round, without_memory.entries(test), best.found)
+            whole = _compare(test, best.round, without_memory, best.found)
             if stage != stages[0] or not _outdone(whole):
                 return [whole]
             # the laws that it would add are not odd, either
@@ -431,7 +418,7 @@ def _ranking(
     findings += (test.left_out,) if test.left_out else ()
     # no background takes the place of a law
     if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
-        findings = _with_what_is_missing(test, ordered, current, surface, findings)
+        findings = _with_what_is_missing(ordered, current, surface, findings)
     return Ranking(
         tuple(rows),
         replace(base, elements=best.candidate.elements),
@@ -471,7 +458,6 @@ def _row(
 
 
 def _with_what_is_missing(
-    test: RankedTest,
     ordered: Sequence[CandidateFit],
     current: Round,
     surface: ResponseSurface,
@@ -484,18 +470,18 @@ def _with_what_is_missing(
     """
     left = next((f for f in findings if f.code == "no-law-fits"), None)
     if left is not None and {"harmonic 0", "harmonic 2"} & set(left.numbers) and "offset" not in left.numbers:
-        even = test.even_force(ordered[0], current)
+        even = current.even_force(ordered[0])
         if even is not None:
-            law = whole_name(ordered[0].candidate.name, test.first.sensors)
+            law = whole_name(ordered[0].candidate.name, current.rows.sensors)
             named = replace(even, names={**even.names, "law": law})
             return _naming(findings, "even", even.names["term"], named)
     # nothing drives a decay; a background would only conceal a response that is another one
     if surface.decays or surface.lag_assumed or any(f.code in CODES_OF_RESPONSE for f in surface.findings):
         return findings
     for fit in ordered[:_LEADERS]:
-        found = test.larger_background(fit, current)
+        found = current.larger_background(fit)
         if found is not None:
-            kind, law = found.names["kind"], whole_name(fit.candidate.name, test.first.sensors)
+            kind, law = found.names["kind"], whole_name(fit.candidate.name, current.rows.sensors)
             named = replace(found, names={"kind": kind, "law": law})
             return _naming(findings, "background", kind, named)
     return findings

@@ -352,18 +352,14 @@ class PointRound(Round):
         The balance at noise of that size.
     noises
         (H+1,) relative noise of mean, fundamental (and force) and harmonics.
-    tested
-        The points of which those of the motion are a part.
-    measured, level_unit
-        Number of points of the test, and unit of its levels.
+    test
+        The test, of whose points those of the motion are a part.
     """
 
     rows: PointBalance
     reference: Reference
     noises: Array
-    tested: Points
-    measured: int
-    level_unit: str
+    test: PointTest
     counted: ClassVar[str] = "points"
 
     @property
@@ -373,19 +369,18 @@ class PointRound(Round):
 
     def compared(self, best: CandidateFit) -> NDArray[np.bool_]:
         """Return the mask (n,) of the tested points that a law is compared with."""
-        mask = np.zeros(len(self.tested), dtype=bool)
+        mask = np.zeros(len(self.test.observed.points), dtype=bool)
         mask[self.reference.chosen[~outliers_of(best, self.noises)]] = True
         return mask
 
     def exclusions(self, best: CandidateFit) -> list[Finding]:
         """Find the points that the best law is not compared with, as its identification does."""
-        excluded, law = ~self.compared(best), best.candidate.law
-        stopped = nearly_held(self.tested, law, law.ordered(best.candidate.values))
-        found = exclusion_findings(
-            self.tested, excluded, self.measured, self.level_unit, stopped=stopped & excluded
-        )
+        excluded, law, points = ~self.compared(best), best.candidate.law, self.test.observed.points
+        stopped = nearly_held(points, law, law.ordered(best.candidate.values))
+        measured, unit = self.test.measured, self.test.level_unit
+        found = exclusion_findings(points, excluded, measured, unit, stopped=stopped)
         # whether they speak against the law its identification says, of all points
-        chosen = self.measured > len(self.tested)
+        chosen = measured > len(points)
         return [
             replace(
                 one,
@@ -466,6 +461,32 @@ class PointRound(Round):
                 where["offset"] = Quantity(offset, "m")
         return Misfit(systematic, unexplained, where, len(pairs) > 0)
 
+    def larger_background(self, best: CandidateFit) -> Finding | None:
+        """Find a larger background that explains much of a misfit beyond noise; None if there is none."""
+        fit = self._fit_near(best)
+        others, misfit = fit_larger_backgrounds(fit, fit.regression.sigma), fit.regression.rms_misfit
+        leaves = {kind: misfit_left_by(fit, other, np.ones(1)) for kind, other in others.items()}
+        # with noise no background halves the whole of a small misfit
+        systematic = misfit**2 - self.noise**2
+        explained = misfit**2 - min(leaves.values(), default=np.inf) ** 2
+        if not explained > (1 - (1 - MIN_MISFIT_REDUCTION) ** 2) * systematic > 0:
+            return None
+        kind = simplest_background(leaves, misfit)
+        numbers = quantities(misfit=misfit, left=leaves[kind])
+        return Finding("background-missing", "doubt", numbers=numbers, names={"kind": kind})
+
+    def even_force(self, best: CandidateFit) -> Finding | None:
+        """Find an even force that a symmetric law lacks, as its identification does."""
+        return next(iter(even_findings(self._fit_near(best))), None)
+
+    def _fit_near(self, best: CandidateFit) -> Fit:
+        """Fit a law by the balance to the points that it is compared with."""
+        own, law = best.candidate, best.candidate.law
+        observed = self.test.observed.select(self.compared(best))
+        problem = Problem(own.elements, law, observed, self.test.fixed)
+        place = problem.join(law.ordered(own.values), own.values["m"], own.background)
+        return fit_near(problem, place, order=BALANCE_HARMONICS)
+
 
 class PointTest(RankedTest):
     """Points of sines: any law is compared with them by force and phase.
@@ -499,7 +520,7 @@ class PointTest(RankedTest):
         if held.any():
             self.left_out = held_finding(points, held, surface)
             points, observed = points.select(~held), observed.select(~held)
-        self._measured = len(points), surface.level_unit
+        self.measured, self.level_unit = len(points), surface.level_unit
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
         if needed := mass_needs(self.observed.points, base):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
@@ -533,36 +554,7 @@ class PointTest(RankedTest):
             noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
         if leader.fault:
             return None
-        return PointRound(rows, leader, reference, noise, self.observed.points, *self._measured)
-
-    def larger_background(self, best: CandidateFit, current: Round) -> Finding | None:
-        """Find a larger background that explains much of a misfit beyond noise; None if there is none."""
-        if not isinstance(current, PointRound):
-            return None
-        fit = self._fit_near(best, current)
-        others, misfit = fit_larger_backgrounds(fit, fit.regression.sigma), fit.regression.rms_misfit
-        leaves = {kind: misfit_left_by(fit, other, np.ones(1)) for kind, other in others.items()}
-        # with noise no background halves the whole of a small misfit
-        systematic = misfit**2 - current.noise**2
-        explained = misfit**2 - min(leaves.values(), default=np.inf) ** 2
-        if not explained > (1 - (1 - MIN_MISFIT_REDUCTION) ** 2) * systematic > 0:
-            return None
-        kind = simplest_background(leaves, misfit)
-        numbers = quantities(misfit=misfit, left=leaves[kind])
-        return Finding("background-missing", "doubt", numbers=numbers, names={"kind": kind})
-
-    def even_force(self, best: CandidateFit, current: Round) -> Finding | None:
-        """Find an even force that a symmetric law lacks, as its identification does."""
-        if not isinstance(current, PointRound):
-            return None
-        return next(iter(even_findings(self._fit_near(best, current))), None)
-
-    def _fit_near(self, best: CandidateFit, current: PointRound) -> Fit:
-        """Fit a law by the balance to the points that it is compared with."""
-        own, law = best.candidate, best.candidate.law
-        problem = Problem(own.elements, law, self.observed.select(current.compared(best)), self.fixed)
-        place = problem.join(law.ordered(own.values), own.values["m"], own.background)
-        return fit_near(problem, place, order=BALANCE_HARMONICS)
+        return PointRound(rows, leader, reference, noise, self)
 
 
 def _held(points: Points, base: Model, sensors: str) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import combinations, product
 from math import prod
 
@@ -128,39 +128,30 @@ class _TermColumns:
             )
             count += places.size
             for trial in trials:
-                point = np.zeros(len(names))
-                point[names.index(term.linear[-1])] = 1.0
-                for name, value in zip(term.search, trial, strict=True):
-                    point[names.index(name)] = value
+                known = {term.linear[-1]: 1.0, **dict(zip(term.search, trial, strict=True))}
+                point = term.law.ordered(dict.fromkeys(names, 0.0) | known)
                 sample = term.law.sample(x, v, a, step, point)
                 blocks.append(rows.of_forces(np.stack([sample.by_parameter[i] for i in order], axis=-1)))
-        compared = rows.compared
-        matrix = np.concatenate(blocks, axis=2)[:, compared].reshape(-1, count)
-        right = rows.right - fixed.get("m", 0.0) * rows.inertia
-        flat = right[:, compared].reshape(-1)
-        norm = np.sqrt(np.sum(matrix**2, axis=0))
+        blocks.append((rows.right - fixed.get("m", 0.0) * rows.inertia)[:, :, None])
+        matrix = np.concatenate(blocks, axis=2)[:, rows.compared].reshape(-1, count + 1)
+        self.rows = len(matrix)
+        background = rows.background[:, rows.compared].reshape(self.rows, -1)
+        # a mass that was weighed, and what is known of the background, are one more row each
+        prior = np.zeros((1 + background.shape[1], count + 1))
+        if rows.weighed is not None:
+            mass, error = rows.weighed
+            prior[0, [len(base), -1]] = 1 / error, mass / error
+        matrix = np.concatenate([matrix, prior])
+        norm = np.sqrt(np.sum(matrix[:, :-1] ** 2, axis=0))
         self.norm = np.where(norm > 0, norm, 1.0)
-        matrix = matrix / self.norm
-        self.products = matrix.T @ matrix
-        self.against = matrix.T @ flat
-        self.power = float(flat @ flat)
-        if rows.weighed is not None and "m" in self.base:
-            place, (mass, error) = self.base["m"], rows.weighed
-            slope = 1 / (error * self.norm[place])
-            self.products[place, place] += slope**2
-            self.against[place] += slope * mass / error
-            self.power += (mass / error) ** 2
+        matrix[:, :-1] /= self.norm
         # every sum has its own best background: project it out of all columns
-        background = rows.background[:, compared].reshape(len(flat), -1)
-        if background.shape[1]:
-            weighted = np.vstack([background, np.diag(rows.background_weight)])
-            orthonormal, _ = np.linalg.qr(weighted / np.sqrt(np.sum(weighted**2, axis=0)))
-            basis = orthonormal[: len(flat)]
-            shares = basis.T @ matrix
-            self.products -= shares.T @ shares
-            self.against -= shares.T @ (basis.T @ flat)
-            self.power -= float(np.sum((basis.T @ flat) ** 2))
-        self.rows = len(flat)
+        weight = np.diag(rows.background_weight)
+        weighted = np.concatenate([background, np.zeros((1, len(weight))), weight])
+        basis = np.linalg.qr(weighted / np.sqrt(np.sum(weighted**2, axis=0)))[0]
+        matrix -= basis @ (basis.T @ matrix)
+        products = matrix.T @ matrix
+        self.products, self.against, self.power = products[:-1, :-1], products[:-1, -1], products[-1, -1]
 
 
 def search_sums(
@@ -336,9 +327,9 @@ _SHORTLIST_WITH_MEMORY = {"most": 8, "alone": 3}
 """The same for sums with memory."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Candidates:
-    """The candidates of a ranking.
+    """The candidates of a stage of a ranking, which compete with each other.
 
     Parameters
     ----------
@@ -346,16 +337,16 @@ class Candidates:
         Laws of the user with initial values.
     terms
         Laws of the library, added to a linear spring and damper, one by one and in sums.
-    fixed
-        The mass "m" [kg], if it is known.
     terms_in_sum
         Largest number of laws of the library in a sum.
+    fixed
+        The mass "m" [kg], if it is known.
     """
 
     given: tuple[CandidateLaw, ...]
     terms: tuple[Term, ...]
-    fixed: Mapping[str, float]
     terms_in_sum: int
+    fixed: Mapping[str, float] = field(hash=False)
 
     def search(self, rows: WhitenedBalance, known: Sequence[CandidateFit] = ()) -> list[CandidateLaw]:
         """Return the laws of the user and the best sums; the candidates of ``known`` compete in any case."""
