@@ -132,6 +132,8 @@ def predict(
             return replace(records, findings=(*records.findings, *_along(found)))
         sine = Finding("prediction-extrapolated", "info", names={"by": "sine"})
         records = replace(records, findings=(sine, *records.findings))
+    if surface is not None:
+        require(surface, ResponseSurface, "surface")
     asked = None if levels is None else _levels(levels)
     table, mass, oscillator = None, found.mass, isinstance(found, Oscillator)
     if isinstance(found, Oscillator):
@@ -143,7 +145,6 @@ def predict(
     tested = (0.0, inf) if oscillator else found.amplitude_range
     observed, sensors = found.model.observation.band, found.model.sensors
     if surface is not None:
-        require(surface, ResponseSurface, "surface")
         surface = within(cast("ResponseSurface", surface).on_mass(mass), observed)
     if not isfinite(found.mass):
         return Prediction((), (), (Finding("needs-mass", "warning"),))
