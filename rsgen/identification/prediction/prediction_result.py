@@ -355,8 +355,10 @@ def known_beyond(
         return quantities(error=max(near))
     above = [one for one in scored if one.force > force]
     above = [o for o in above if np.abs(o.measured[np.isfinite(o.predicted)]).max(initial=0.0) >= amplitude]
-    held = [Quantity(one.level, one.level_unit) for one in above[:1]]
-    return {"held": held[0], **quantities(error=max(one.error for one in above))} if held else {}
+    if not above:
+        return {}
+    held = Quantity(above[0].level, above[0].level_unit)
+    return {"held": held, **quantities(error=max(one.error for one in above))}
 
 
 def named(item: HeldOutLevel | PredictedRecord) -> dict[str, str]:
@@ -366,9 +368,11 @@ def named(item: HeldOutLevel | PredictedRecord) -> dict[str, str]:
 
 def held_by_label(found: Identification, test: ResponseSurface | MultisineSpectra) -> tuple[Finding, ...]:
     """Find held-out numbers that are the label of one level and the amount of another."""
-    findings, labels = list[Finding](), [] if test.label is None else np.unique(test.label).tolist()
-    for asked in found.model.observation.hold_out if labels else ():
-        label, amount = match_level(np.array(labels), asked), match_level(test.levels, asked)
+    if test.label is None:
+        return ()
+    findings, labels = list[Finding](), np.unique(test.label)
+    for asked in found.model.observation.hold_out:
+        label, amount = match_level(labels, asked), match_level(test.levels, asked)
         meant = test.level[test.label == label].tolist()
         if meant and amount not in (None, meant[0]):
             numbers = quantities(label=asked, level=Quantity(meant[0], test.level_unit))
