@@ -898,3 +898,16 @@ def test_an_exponent_that_is_the_displacement_is_no_power() -> None:
     table = measured("cubic")
     ranking = rank(table, ["k*x + c*v + a*(2**(100*x) - 2**(-100*x))", "k*x + c*v"], mass=MASS)
     assert {candidate.fault for candidate in ranking} == {""}
+
+
+@pytest.mark.slow
+def test_a_law_that_loses_other_points_of_fundamentals_is_not_judged_by_these_alone() -> None:
+    """Friction leaves some points of either law unsettled; ten of 392 hid that the right law fits the others."""
+    law = "k*x + c*v + kb*Max(x, 0) + Ff*sign(v)"
+    rig = rsgen.Oscillator(5.25, law, {"k": 1.31e5, "kb": 9.6e4, "c": 54.0, "Ff": 1.76})
+    frequency = np.concatenate([np.arange(10, 24, 0.25), np.arange(24, 34, 0.5)])
+    test = rsgen.simulate(rig, rsgen.SimulatedTest([3, 5, 10, 15, 25, 40], frequency, noise_relative=0.012))
+    fundamentals = ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1])
+    ranking = rank(fundamentals, ["k*x + c*v + Ff*sign(v)", law], mass=5.25)
+    assert ranking.fits
+    assert "kb" in ranking.candidates[0].values

@@ -407,7 +407,7 @@ class PointRound(Round):
         return replace(self, reference=reference, rows=self.rows.select(inside), leader=leader)
 
     def leader_of(self, other: Round) -> tuple[CandidateFit, bool]:
-        """Return the leader of another round in units of the noise of this one; large at lost points.
+        """Return the leader of another round in units of the noise of this one; large where it loses points.
 
         With whether its motion is that of its values; those of an even force are else of the motion.
         """
@@ -424,15 +424,19 @@ class PointRound(Round):
         ratio = np.repeat(other.noises[:count] / self.noises[:count], 2)[1:]
         inside, place = np.isin(mine, theirs), np.isin(theirs, mine)
 
-        def move(residual: Array) -> Array:
+        # of a motion at no fewer points it is chance which are lost: there this round's leader counts for both
+        as_many = len(theirs) >= len(mine)
+
+        def move(residual: Array, of_leader: Array) -> Array:
             moved = np.zeros((len(mine), len(self.rows.compared)))
             moved[inside, : len(ratio)] = residual[place, : len(ratio)] * ratio
-            moved[~inside] = 1 / self.noise
+            moved[~inside] = of_leader[~inside] if as_many else 1 / self.noise
             return moved
 
-        predict, unit = fit.predict_levels, self.leader.unit
-        moved = replace(fit, residual=move(fit.residual), compared=self.rows.compared, unit=unit)
-        return replace(moved, predict_levels=lambda: move(predict())), settled
+        own, predict, of_leader = self.leader, fit.predict_levels, self.leader.predict_levels
+        residual = move(fit.residual, own.residual)
+        moved = replace(fit, residual=residual, compared=self.rows.compared, unit=own.unit)
+        return replace(moved, predict_levels=lambda: move(predict(), of_leader())), settled
 
     def relative(self, residual: Array) -> float:
         """Return the root mean square of the compared rows of a residual, relative to force and response."""
