@@ -424,7 +424,7 @@ class PointRound(Round):
         ratio = np.repeat(other.noises[:count] / self.noises[:count], 2)[1:]
         inside, place = np.isin(mine, theirs), np.isin(theirs, mine)
 
-        # of a motion at no fewer points it is chance which are lost: there this round's leader counts for both
+        # with no fewer points than here it is chance which are lost: there this leader counts for both
         as_many = len(theirs) >= len(mine)
 
         def move(residual: Array, of_leader: Array) -> Array:
