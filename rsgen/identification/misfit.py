@@ -567,7 +567,7 @@ def widen_squares(fit: Fit, found: Regression, symmetric: Array) -> Regression:
     """Widen the errors of values v that the points show by their squares alone, and of what goes with them.
 
     What is normally distributed is v^2, with a standard error of 2 |v| e where that of v is e by its slope,
-    so that its interval is v^2 +- 2 w |v| e, w standard errors wide. Where that contains zero the interval of
+    so that its interval is v^2 ± 2 w |v| e, w standard errors wide. Where that contains zero the interval of
     v does, and has both signs; else it is as long as that between the roots. Of k*x + kb*Max(x, 0) the points
     show k + kb/2 by its slope: k is as uncertain as half of kb.
 

@@ -187,7 +187,7 @@ def test_fundamentals_tell_a_stop_on_one_side_from_stops_on_both_or_say_that_the
 
 
 def test_a_one_sided_spring_and_a_mode_beside_the_band_are_told_apart_by_harmonics():
-    """The fundamental shows either; with a mode below the band kb was 30 300 +- 640 N/m for 3100."""
+    """The fundamental shows either; with a mode below the band kb was 30 300 ± 640 N/m for 3100."""
     law, values = "k*x + c*v + kb*Max(x, 0)", {"k": 15400.0, "kb": 3100.0, "c": 2.95}
     full = table(law, values, levels=(0.06, 0.18, 0.3), band=(13.9, 18.2), frequencies=37, harmonics=7)
     below = 2 * np.pi * 7.6

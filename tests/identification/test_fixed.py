@@ -325,7 +325,7 @@ def test_a_mass_with_an_error_is_one_more_equation():
     assert all(asked[name].interval[0] < true < asked[name].interval[1] for name, true in values.items())
     assert asked["m"].standard_error < 0.005
     assert mass_lines(asked)[0].startswith(
-        "m, given as 0.505 +- 0.005 kg (standard error), is with the test 0.499"
+        "m, given as 0.505 ± 0.005 kg (standard error), is with the test 0.499"
     )
     assert not asked.fixed
     assert "moves" not in asked.outcome.numbers
@@ -358,7 +358,7 @@ def test_a_mass_many_of_its_errors_off_is_contradicted(noise):
         assert asked["m"].value == pytest.approx(MASS, rel=2e-3)
     (found,) = asked.verdict.decided_by
     assert found["fitted"] == pytest.approx(MASS, rel=2e-3)
-    assert "+- 10 g (" in str(found)
+    assert "± 10 g (" in str(found)
     # an error that is much smaller than one per cent, which no engineer weighs by, is taken at its word
     told = rsgen.identify(test, LAWS["cubic"][0], mass=0.995 * MASS, mass_error=5e-4 * MASS)
     assert [one.code for one in told.verdict.decided_by] == ["fixed-contradicted"]
@@ -373,7 +373,7 @@ def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
         assert (asked[one.name].value, asked[one.name].standard_error) == pytest.approx((one.value, both))
     assert not asked.fixed
     assert asked.verdict.state == exact.verdict.state == "identified"
-    assert mass_lines(asked)[0].startswith("m, given as 1.5 +- 0.03 kg (standard error), is not checked")
+    assert mass_lines(asked)[0].startswith("m, given as 1.5 ± 0.03 kg (standard error), is not checked")
     # of a given motion of the base the response is that of any mass
     bands = [rsgen.predict(one, [1.5]).curves[0].upper for one in (exact, asked)]
     assert bands[1] == pytest.approx(bands[0], nan_ok=True)

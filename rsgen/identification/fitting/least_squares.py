@@ -8,7 +8,7 @@ nuisances e_i of each point (its true amplitude, its phase, and those of a secon
 A Gauss-Newton step eliminates de_i by projecting r_i and J_i on the complement of K_i (variable projection:
 Golub and Pereyra, Inverse Problems 19, 2003), so that the linear problem keeps the size of p. It is solved by
 an orthogonal decomposition, not by normal equations, whose condition number is the square; columns are
-scaled, because parameters differ by many orders of magnitude. A parameter p that is known as p0 +- s, such as
+scaled, because parameters differ by many orders of magnitude. A parameter p that is known as p0 ± s, such as
 a mass that was weighed, is one more equation (p - p0)/s, in units of the noise that the other rows leave.
 """
 

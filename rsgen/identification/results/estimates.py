@@ -1,6 +1,6 @@
 """From the errors of a fit to what its result states: estimates with intervals, reasons why there is none.
 
-An interval is p +- t s, with the standard error s and the quantile t of Student's distribution for the
+An interval is p ± t s, with the standard error s and the quantile t of Student's distribution for the
 degrees of freedom of s. ``Errors`` holds both for every kind of test, and ``state_parameters`` states them:
 a value that the points do not determine (a null vector), or whose interval contains zero, gets a reason.
 """

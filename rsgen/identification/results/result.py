@@ -20,6 +20,7 @@ from rsgen.common.tolerances import (
     HELD_OUT_ERROR_SMALL,
     MAX_ERROR_TO_MISFIT,
     MISFIT_NEGLIGIBLE,
+    RELATIVE_CHANGE_NEGLIGIBLE,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
@@ -101,9 +102,10 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     moved = f"{found.outcome.names.get('moves', 'the linear stiffness')} by about {number_text(part * by, 2)}"
     said = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
     if weighed:
-        now = f"is with the test {short(mass.value, 5)} +- {short(mass.standard_error, 2)} kg"
-        now = now if mass.standard_error < 0.99 * weighed[1] else "is not checked by the test"
-        given = f"{short(weighed[0], 5)} +- {short(weighed[1], 2)} kg (standard error)"
+        now = "is not checked by the test"
+        if mass.standard_error < (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
+            now = f"is with the test {short(mass.value, 5)} ± {short(mass.standard_error, 2)} kg"
+        given = f"{short(weighed[0], 5)} ± {short(weighed[1], 2)} kg (standard error)"
         said = f"m, given as {given}, {now}; its error is in all intervals"
     elif mass.standard_error:
         said = (
