@@ -163,10 +163,6 @@ class ModeProblem:
         mass = float(parameters[self.coefficients])
         return parameters[: self.coefficients], mass, parameters[self.count :]
 
-    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
-        """Return no harmonics: a linear mode has none."""
-        return ()
-
     def forward(self, omega: Array) -> SplineMode:
         """Return the forward model at the frequencies (n,) [rad/s]."""
         return SplineMode(omega, self.basis, self.orders)

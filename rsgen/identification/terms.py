@@ -106,17 +106,24 @@ def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TER
     terms = unfixed_terms(fit.problem.law, fit.problem.fixed, terms)
     problem, parameters, added = with_terms(fit.problem, fit, terms)
     residual, matrix = linearise_extended(fit, problem, parameters)
-    # no rows if no loop closes with another term
-    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(parameters)) / noise
+    right, rows = _equations(fit, problem, residual, matrix, noise)
     kept = np.delete(np.arange(len(parameters)), added)
-    none = np.zeros(len(parameters)), np.zeros((0, len(right)))
+    none = np.zeros(len(parameters)), np.zeros((0, residual.size))
     used = problem.observed.points.select(fit.regression.used)
+    # no rows if no loop closes with another term
     record = used.record if len(residual) == len(used) else None
-    right, rows = with_weighing(right, rows, problem.observed.points.weighed, problem.count - 1, fit.mass)
     found = alternatives(
         right, rows[:, kept], rows[:, added], *none, Rules(free=problem.free[kept], record=record)
     )
     return dict(zip(terms, found, strict=True))
+
+
+def _equations(
+    fit: Fit, problem: Problem, residual: Array, matrix: Array, noise: float
+) -> tuple[Array, Array]:
+    """Return residual (r,) and slopes (r, q) of points over a noise, with what is known of the mass."""
+    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, matrix.shape[2]) / noise
+    return with_weighing(right, rows, problem.observed.points.weighed, problem.count - 1, fit.mass)
 
 
 def with_weighing(
@@ -193,12 +200,13 @@ def force_factors_leave(fit: Fit) -> float:
     order the residual changes by the same column c for a factor of all forces; its rows at one level are the
     column of the factor there. Infinite if there are too few points.
     """
-    residual, matrix, column = _by_force(fit, np.exp(1.0))
-    levels = fit.problem.observed.points.level[fit.regression.used]
+    points = fit.problem.observed.points
+    residual, matrix, column = _by_points(fit, force=np.exp(1.0) * points.force)
+    levels = points.level[fit.regression.used]
     at = levels[:, None] == np.unique(levels)
     if len(residual) != len(levels) or len(levels) < POINTS_PER_KNOT * at.shape[1]:
         return np.inf
-    columns = np.concatenate([matrix, column[:, :, None] * at[:, None]], axis=2)
+    columns = np.concatenate([matrix[:, :, fit.problem.free], column[:, :, None] * at[:, None]], axis=2)
     right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
     left = right - rows @ solve_scaled(rows, right)[0]
     return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right))))
@@ -214,8 +222,8 @@ def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, f
     if not (points.phase_known and fit.regression.converged) or points.far.size:
         return None
     step = _PHASE_OF_STEP / float(points.omega.max())
-    residual, matrix, column = _by_force(fit, np.exp(-1j * step * points.omega))
-    columns = np.concatenate([matrix, column[:, :, None] / step], axis=2)
+    residual, matrix, column = _by_points(fit, force=np.exp(-1j * step * points.omega) * points.force)
+    columns = np.concatenate([matrix[:, :, fit.problem.free], column[:, :, None] / step], axis=2)
     right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
     solution = solve_scaled(rows, right)[0]
     left = misfit * float(np.linalg.norm(right - rows @ solution) / np.linalg.norm(right))
@@ -229,14 +237,13 @@ def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, f
     return Finding("channels-delayed", "doubt", numbers=numbers)
 
 
-def _by_force(fit: Fit, factor: Any) -> tuple[Array, Array, Array]:
-    """Return the residual (k, M), its slopes (k, M, q), and how it changes where the force has a factor."""
-    problem, parameters = fit.problem, fit.regression.parameters
-    observed = problem.observed
-    other = replace(observed, points=replace(observed.points, force=factor * observed.points.force))
+def _by_points(fit: Fit, **columns: Any) -> tuple[Array, Array, Array]:
+    """Return the residual (k, M), its slopes (k, M, q), and its change where points have other columns."""
+    problem, observed, parameters = fit.problem, fit.problem.observed, fit.regression.parameters
+    other = replace(observed, points=replace(observed.points, **columns))
     residual, matrix = linearise_extended(fit, problem, parameters)
     changed = linearise_extended(fit, replace(problem, observed=other), parameters)[0]
-    return residual, matrix[:, :, problem.free], changed - residual
+    return residual, matrix, changed - residual
 
 
 def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
@@ -260,11 +267,9 @@ def alternatives_to(
     more = fit_larger_backgrounds(fit, noise) if backgrounds else {}
     kinds = {"term": fit_missing_terms(fit, noise), "background": more, "halves": agreement.halves}
     offset = _fit_offset(fit, noise) if fit.systematic else None
-    return (
-        kinds
-        if offset is None or not stands_out(offset)
-        else {**kinds, "offset of the sensor": {"mean": offset}}
-    )
+    if offset is not None and stands_out(offset):
+        kinds["offset of the sensor"] = {"mean": offset}
+    return kinds
 
 
 def _fit_offset(fit: Fit, noise: float) -> Alternative | None:
@@ -272,23 +277,18 @@ def _fit_offset(fit: Fit, noise: float) -> Alternative | None:
 
     None where no mean is compared.
     """
-    problem, observed, parameters = fit.problem, fit.problem.observed, fit.regression.parameters
-    points = observed.points
+    problem, points, count = fit.problem, fit.problem.observed.points, len(fit.regression.parameters)
     if problem.law.odd or problem.law.acts_across or 0 not in points.measured:
         return None
     size, harmonics = float(np.median(points.amplitude)), np.array(points.harmonics)
     harmonics[:, 0] += size
-    shifted = replace(problem, observed=replace(observed, points=replace(points, harmonics=harmonics)))
-    residual, matrix = linearise_extended(fit, problem, parameters)
-    column = (linearise_extended(fit, shifted, parameters)[0] - residual) / size
-    if len(column) != len(residual) or not len(residual):
+    residual, matrix, column = _by_points(fit, harmonics=harmonics)
+    if not len(residual):
         return None
-    right, rows, columns = (part.reshape(residual.size, -1) / noise for part in (residual, matrix, column))
+    columns = np.concatenate([matrix, column[:, :, None] / size], axis=2)
     free = np.flatnonzero(problem.free).tolist()
-    count = len(parameters)
-    groups, known = {"mean": [*free, count]}, (points.weighed, problem.count - 1, fit.mass)
-    equations = with_weighing(right[:, 0], np.hstack([rows, columns]), *known)
-    return joint_alternatives(*equations, free, groups, count + 1)["mean"]
+    equations = _equations(fit, problem, residual, columns, noise)
+    return joint_alternatives(*equations, free, {"mean": [*free, count]}, count + 1)["mean"]
 
 
 def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
@@ -301,11 +301,9 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
         return {}
     problem, start = with_largest_background(fit)
     seen, larger = problem.observed, problem.observed.background
-    residual, matrix = linearise_extended(fit, problem, start)
+    equations = _equations(fit, problem, *linearise_extended(fit, problem, start), noise)
     fitted = [name for name, kept in zip(larger.names, seen.fitted, strict=True) if kept]
-    right, rows = residual.reshape(-1) / noise, matrix.reshape(residual.size, len(start)) / noise
-    right, rows = with_weighing(right, rows, seen.points.weighed, count - 1, fit.mass)
-    return larger_backgrounds(right, rows, fit.problem.free[:count], own, larger, fitted)
+    return larger_backgrounds(*equations, fit.problem.free[:count], own, larger, fitted)
 
 
 def with_largest_background(fit: Fit) -> tuple[Problem, Array]:

@@ -52,7 +52,9 @@ def linearised(points: Points, kind: str, forward: str, *, phase: bool, logarith
     def at(p: np.ndarray, u: np.ndarray) -> Linearisation:
         values, mass, b = problem.split(p)
         response = made(values, mass, np.exp(u[:, 0]))
-        return problem.observed.linearise(response, Comparison(b, u, scale, problem.compared(made.harmonics)))
+        return problem.observed.linearise(
+            response, Comparison(b, u, scale, problem.observed.compared(made.harmonics))
+        )
 
     return at, parameters, nuisance + 0.003, problem.observed.fitted
 

@@ -348,10 +348,6 @@ class Parametrised(Protocol):
         """Return the values for the forward model, mass [kg] and background."""
         ...
 
-    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the measured ones of the ``predicted`` harmonics, without the fundamental."""
-        ...
-
 
 Bend = Callable[[Array], tuple[Array, Array]]
 """Function of directions (n, k) of the nuisances: second derivatives (n, M) of the prediction along them, and
@@ -403,7 +399,7 @@ class ErrorsInVariables:
 
     def __init__(self, problem: Parametrised, forward: Forward) -> None:
         self.problem, self.forward = problem, forward
-        self.compared = problem.compared(forward.harmonics)
+        self.compared = problem.observed.compared(forward.harmonics)
         self.scale = problem.observed.scale
 
     def predict(self, parameters: Array, nuisance: Array) -> Response:

@@ -45,12 +45,6 @@ class _ResidualBlock:
     by: NDArray[Any]
     by_far: NDArray[Any] | None = None
 
-    def over(self, noise: Array) -> _ResidualBlock:
-        """Return the block in units of the noise (n,)."""
-        by_far = None if self.by_far is None else self.by_far / noise[:, None]
-        rows = self.residual / noise, self.by_size / noise, self.by_phase / noise
-        return _ResidualBlock(*rows, self.by / noise[:, None], by_far)
-
 
 class Comparison(NamedTuple):
     """Where, and in which units, a prediction is compared with the measured points.
@@ -136,6 +130,10 @@ class Observed:
         """True if by the points alone, which no background turns, the structure feeds its exciter."""
         return self.direct and self.points.feed_exciter
 
+    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the measured ones of the ``predicted`` harmonics, without the fundamental."""
+        return tuple(h for h in self.recorded if h in predicted and h != 1)
+
     def turn(self, nuisance: Array) -> Array:
         """Return the phase (n,) of the model's reference [rad], zero without recorded phases."""
         return np.asarray(nuisance[:, 1 : self.parts].sum(axis=1))
@@ -212,8 +210,6 @@ class Observed:
                         by / unit[:, None],
                     )
                 )
-        kinds = [FORCE, FUNDAMENTAL, *[OTHERS] * len(compared)]
-        rows = [row.over(points.noise[:, kind]) for row, kind in zip(rows, kinds, strict=True)]
         # the mean has no imaginary part, an amplitude no phase
         real = [h == 0 or h not in self.recorded for h in (1, 1, *compared)]
         for _ in points.far.T:
@@ -221,13 +217,22 @@ class Observed:
             real.append(False)
         residual = _split([row.residual for row in rows], real)
         residual[~response.valid] = np.nan
-        slopes = [[row.by_size for row in rows], [row.by_phase for row in rows]]
-        by_nuisance = [_split(slope, real) for slope in slopes[: self.parts]]
+        of_sensor = [[row.by_size for row in rows], [row.by_phase for row in rows]]
+        by_nuisance = [_split(slope, real) for slope in of_sensor[: self.parts]]
         still = np.zeros((len(points), 2))
         far = [still if row.by_far is None else row.by_far for row in rows]
         by_nuisance += [_split([by[:, j] for by in far], real) for _ in points.far.T for j in range(2)]
-        by_parameter = _split([row.by for row in rows], real)
-        return Linearisation(residual, np.stack(by_nuisance, axis=2), by_parameter)
+        noise = self._noise_of_rows(residual.shape[1])
+        slopes = np.stack(by_nuisance, axis=2), _split([row.by for row in rows], real)
+        return Linearisation(residual / noise, *(slope / noise[:, :, None] for slope in slopes))
+
+    def _noise_of_rows(self, count: int) -> Array:
+        """Return the noise (n, count) of rows: real parts of force, fundamental, others, then imaginary."""
+        half, noise = (count + 1) // 2, self.points.noise
+        rows = np.repeat(noise[:, [OTHERS]], count, axis=1)
+        for part in range(self.parts):
+            rows[:, part * half : part * half + 2] = noise[:, [FORCE, FUNDAMENTAL]]
+        return rows
 
     def _compare_force_and_fundamental(
         self,
@@ -288,11 +293,7 @@ class Observed:
 
     def plain_influence(self, influence: Array) -> Array:
         """Convert the influence (n, M, q) of rows in units of the noise into that of relative differences."""
-        half, noise = (influence.shape[1] + 1) // 2, self.points.noise
-        rows = np.repeat(noise[:, [OTHERS]], influence.shape[1], axis=1)
-        for part in range(self.parts):
-            rows[:, part * half : part * half + 2] = noise[:, [FORCE, FUNDAMENTAL]]
-        return np.asarray(influence / rows[:, :, None])
+        return np.asarray(influence / self._noise_of_rows(influence.shape[1])[:, :, None])
 
     def relative_influence(self, influence: Array, values: Array, nuisance: Array) -> Array:
         """Convert the influence (n, M, q) of differences into that of relative deviations.
@@ -389,10 +390,6 @@ class Problem:
     def select(self, chosen: NDArray[np.intp]) -> Problem:
         """Keep some points."""
         return replace(self, observed=self.observed.select(chosen))
-
-    def compared(self, predicted: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the measured ones of the ``predicted`` harmonics, without the fundamental."""
-        return tuple(h for h in self.observed.recorded if h in predicted and h != 1)
 
 
 # ----------------------------------------------------------------------------

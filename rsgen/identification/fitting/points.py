@@ -154,13 +154,17 @@ class Points:
         return np.abs(self.lag - (common if abs(common) < MAX_LAG_ERROR else 0.0)) < MAX_RESONANT_LAG
 
     @property
+    def run(self) -> NDArray[np.intp]:
+        """Number (n,) of the run of each point, in the order of levels, then of sweeps."""
+        levels, sweeps = (np.unique(of, return_inverse=True)[1] for of in (self.level, self.sweep))
+        return levels * len(self) + sweeps
+
+    @property
     def runs(self) -> list[NDArray[np.intp]]:
         """Rows of every level and sweep, ascending in frequency."""
-        runs = []
-        for level, sweep in sorted({*zip(self.level.tolist(), self.sweep.tolist(), strict=True)}):
-            rows = np.flatnonzero((self.level == level) & (self.sweep == sweep))
-            runs.append(rows[np.argsort(self.omega[rows], kind="stable")])
-        return runs
+        run = self.run
+        order = np.lexsort((self.omega, run))
+        return np.split(order, np.flatnonzero(np.diff(run[order])) + 1)
 
     def held(self, spread: float, counted: NDArray[np.bool_] | bool = True) -> Array:
         """Amplitude (n,) [m] that levels of several points held within a relative spread [1]; else NaN.
@@ -179,8 +183,7 @@ class Points:
         """Number (n,) of the record of points of overlapping windows, in order of time; None of others."""
         if not self.overlapping:
             return None
-        other = (self.level[1:] != self.level[:-1]) | (self.sweep[1:] != self.sweep[:-1])
-        return np.concatenate([[0], np.cumsum(other)])
+        return np.concatenate([[0], np.cumsum(np.diff(self.run) != 0)])
 
     @property
     def neighbours(self) -> NDArray[np.intp]:
@@ -190,10 +193,8 @@ class Points:
         are neighbours in amplitude, on which their frequencies depend.
         """
         along = self.amplitude if self.in_quadrature.all() else self.omega
-        order = np.lexsort((along, self.sweep, self.level))
-        same = (self.level[order][1:] == self.level[order][:-1]) & (
-            self.sweep[order][1:] == self.sweep[order][:-1]
-        )
+        order = np.lexsort((along, self.run))
+        same = np.diff(self.run[order]) == 0
         paired = np.concatenate([[False], same]) | np.concatenate([same, [False]])
         alone = order[~paired] if len(order) else order
         backbone = len(alone) > 0 and bool(self.in_quadrature[alone].all())

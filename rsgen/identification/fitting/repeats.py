@@ -168,7 +168,7 @@ def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[Respons
     original, group = surface, _groups(surface)
     kept = ~_outliers(surface, group)
     surface, group = surface.select(kept), group[kept]
-    names, row, count = np.unique(group, return_inverse=True, return_counts=True)
+    names, first, row, count = np.unique(group, return_index=True, return_inverse=True, return_counts=True)
     if len(surface) - len(names) < _MIN_EXCESS_READINGS:
         return original, None
     clock = np.exp(-1j * np.angle(surface.force))
@@ -187,8 +187,6 @@ def gather_repeats(surface: ResponseSurface, sensors: str = "") -> tuple[Respons
     )
     if repeats.noise < ROUND_OFF or repeats.follow_force:
         return original, None
-    first = np.zeros(len(names), dtype=np.intp)
-    first[row[::-1]] = np.arange(len(surface))[::-1]
     table = surface.select(first)
     joined = count > 1
     forces = _means(_relative_phases(surface.force_harmonics, clock), row, count)

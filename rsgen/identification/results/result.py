@@ -399,6 +399,18 @@ class Identification(Printed):
         for name in ("covariance", "levels", "solution"):
             object.__setattr__(self, name, frozen_array(getattr(self, name)))
 
+    if not TYPE_CHECKING:
+
+        def __getattribute__(self, name: str) -> Any:
+            """Return a field; one that waits (``later``) is computed where it is first read."""
+            value = object.__getattribute__(self, name)
+            if isinstance(value, _Later):
+                # what a trial makes infinite or undefined has no prediction there
+                with np.errstate(all="ignore"):
+                    value = value.compute()
+                object.__setattr__(self, name, value)
+            return value
+
     def __getstate__(self) -> list[Any]:
         """Return all fields, and the residuals in place of the fit, whose compiled law cannot leave."""
         of_fit = {"fit": None} if self.fit is None else {"fit": None, "_left": self.residuals}
@@ -524,7 +536,7 @@ class Identification(Printed):
 
 
 # ----------------------------------------------------------------------------
-# Fields that cost time and that many users never read: they are computed where they are first read.
+# Fields that are computed where they are first read.
 
 Value = TypeVar("Value")
 Found = TypeVar("Found", bound=Identification)
@@ -564,31 +576,8 @@ class _Later:
     compute: Callable[[], Any]
 
 
-class _Postponed:
-    """A field whose slot may hold how its value is computed."""
-
-    def __init__(self, slot: Any) -> None:
-        self._slot = slot
-
-    def __get__(self, found: Identification | None, kind: type) -> Any:
-        if found is None:
-            return self
-        value = self._slot.__get__(found, kind)
-        if isinstance(value, _Later):
-            # what a trial makes infinite or undefined has no prediction there
-            with np.errstate(all="ignore"):
-                value = value.compute()
-            self._slot.__set__(found, value)
-        return value
-
-    def __set__(self, found: Identification, value: Any) -> None:
-        self._slot.__set__(found, value)
-
-
 _POSTPONED = ("paper", "first_order", "first_order_bias", "restoring")
-
-for _name in _POSTPONED:
-    setattr(Identification, _name, _Postponed(vars(Identification)[_name]))
+"""Fields that cost time and that many users never read."""
 
 
 def later(compute: Callable[[], Value]) -> Value:
