@@ -112,25 +112,20 @@ def _triangle(matrix: Array, scale: Array, right: Array) -> Array:
 # B-splines over knots: a smooth curve is a sum of them.
 
 
-def b_splines(at: Array, knots: Array, degree: int) -> tuple[Array, Array]:
-    """Evaluate every B-spline and its slope.
+def b_splines(knots: Array, degree: int) -> scipy.interpolate.BSpline:
+    """Return every B-spline as a function of places (n,) between the ends of the knots.
+
+    Called with them it returns (n, f) values [1], with ``nu=1`` slopes [1 / unit of the knots]; at an inner
+    knot the interval to the right counts.
 
     Parameters
     ----------
-    at
-        (n,) places between the ends of the knots; at an inner knot the interval to the right counts.
     knots
         (f + degree + 1,) ascending, the ends repeated so that the splines sum to one everywhere between them.
     degree
         Of the polynomials, at least 0.
-
-    Returns
-    -------
-    tuple of arrays
-        (n, f) values [1], and slopes [1 / unit of ``at``].
     """
-    splines = scipy.interpolate.BSpline(knots, np.eye(len(knots) - degree - 1), degree)
-    return splines(at), splines(at, nu=1)
+    return scipy.interpolate.BSpline(knots, np.eye(len(knots) - degree - 1), degree)
 
 
 # ----------------------------------------------------------------------------

@@ -113,14 +113,21 @@ class SplineBasis:
         """Return the functions constant below the points: none holds them in the margin for noise."""
         return replace(self, least=self.lowest)
 
-    def __call__(self, amplitude: Array) -> tuple[Array, Array]:
-        """Return the functions (n, f) at amplitudes [m], and their derivatives by ln X."""
-        size = np.maximum(amplitude, self.least)
-        u = _coordinate(size, self.power)
-        inside = np.clip(u, self.knots[0], self.knots[-1])
-        by_log = np.where((u == inside) & (size == amplitude), self.power * u if self.power else 1.0, 0.0)
-        functions, slopes = b_splines(inside, self.knots, self.degree)
-        return functions, slopes * by_log[:, None]
+    def __call__(self, amplitude: Array) -> Array:
+        """Return the functions (n, f) at amplitudes [m]."""
+        return np.asarray(b_splines(self.knots, self.degree)(self._places(amplitude)[1]))
+
+    def slopes(self, amplitude: Array) -> Array:
+        """Return the derivatives (n, f) of the functions by ln X."""
+        u, inside = self._places(amplitude)
+        moving = (u == inside) & (amplitude >= self.least)
+        by_log = np.where(moving, self.power * u if self.power else 1.0, 0.0)
+        return b_splines(self.knots, self.degree)(inside, nu=1) * by_log[:, None]
+
+    def _places(self, amplitude: Array) -> tuple[Array, Array]:
+        """Return the coordinate at amplitudes (n,) [m], and the nearest between the outer knots."""
+        u = _coordinate(np.maximum(amplitude, self.least), self.power)
+        return u, np.clip(u, self.knots[0], self.knots[-1])
 
 
 def _coordinate(amplitude: ArrayLike, power: int) -> Array:
@@ -145,7 +152,7 @@ class SplineMode(Forward):
 
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
         """Predict at (2 f,) coefficients, a mass [kg] and (n,) amplitudes [m]."""
-        shape, slope = self._basis(size)
+        shape, slope = self._basis(size), self._basis.slopes(size)
         by = np.concatenate([factor[:, None] * shape for factor in self._factors], axis=1)
         turn = np.concatenate([factor[:, None] * slope for factor in self._factors], axis=1)
         force = np.asarray(size * (by @ values - mass * self._inertia), dtype=np.complex128)
@@ -256,7 +263,7 @@ class ModalSplines(Brief):
 
     def _evaluate(self, amplitude: Array) -> tuple[Array, Array, Array]:
         """Return k, c of this shape alone, and their covariance by noise."""
-        shape, _ = self.basis(amplitude)
+        shape = self.basis(amplitude)
         parts = self.values.reshape(-1, self.basis.count) @ shape.T
         k = parts[0]
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -172,7 +172,7 @@ class ModeProblem:
         mode = self.seen.mode
         found = fit_mode(
             *steady(mode.force, mode.harmonics[:, 1], mode.omega),
-            self.basis(mode.amplitude)[0],
+            self.basis(mode.amplitude),
             1 / np.abs(mode.force),
             mass=self.mass,
             orders=self.orders,

@@ -87,7 +87,7 @@ def _invert_describing_function(
     ends = _intervals(reach / largest)
     knots, operator = _abel(tuple(ends.tolist()))
     functions = len(knots) - _DEGREE - 1
-    matrix = b_splines(reach / largest, knots, _DEGREE)[0] / spread[:, None]
+    matrix = b_splines(knots, _DEGREE)(reach / largest) / spread[:, None]
     curvature = np.diff(np.eye(functions), 2, axis=0)
     curvature *= SPLINE_SMOOTHING * np.abs(matrix).max() * np.sqrt(len(reach))
     if not free:
@@ -128,7 +128,8 @@ def _abel(ends: tuple[float, ...]) -> tuple[Array, Array]:
     weights = weights * np.pi / 4
     x = np.linspace(0, 1, _CURVE_POINTS)
     inside = (x[:, None] * sine).ravel()
-    value, slope = (part.reshape(_CURVE_POINTS, len(sine), -1) for part in b_splines(inside, knots, _DEGREE))
+    splines = b_splines(knots, _DEGREE)
+    value, slope = (splines(inside, nu=nu).reshape(_CURVE_POINTS, len(sine), -1) for nu in (0, 1))
     operator = np.einsum("t,xtf->xf", weights * sine**2, value)
     operator += 0.5 * x[:, None] * np.einsum("t,xtf->xf", weights * sine**3, slope)
     return knots, operator

@@ -112,7 +112,7 @@ def _splines(
     stiff = _describing(found, size, np.ones(len(size))).real
     omega = np.sqrt(np.maximum(stiff @ found.values, ROUND_OFF) / found.mass)
     damp = _describing(found, size, omega).imag / omega[:, None]
-    shape = np.linalg.pinv(basis(size)[0])
+    shape = np.linalg.pinv(basis(size))
     splines = np.zeros((2 * basis.count + 1, len(found.parameters)))
     count = len(found.values)
     splines[:-1, :count], splines[-1, count] = np.concatenate([shape @ stiff, shape @ damp]), 1.0

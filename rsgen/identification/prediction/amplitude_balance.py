@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,6 @@ class AmplitudeBalance:
         self._following_mass = np.array(self._places) == (len(names) - 1 if identification.curve.base else -1)
         self._largest = identification.amplitude_range[1]
         self._centre = np.pi * sum(identification.frequency_range)
-        self._tabulate(2 * self._largest)
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Return the response with amplitudes X (n,) [m] at the frequencies (n,) [rad/s]."""
@@ -204,23 +203,26 @@ class AmplitudeBalance:
         return omega, last, stiffness, harmonics
 
     def backbone(self, size: Array, guess: Array) -> tuple[Array, Array]:
-        """Return the frequency (n,) [rad/s] at which each amplitude needs the least force, and that force
-        [N].
+        """Return the frequency [rad/s] of the least force at each amplitude, and that force [N], both (n,).
 
         The two solutions of a level coincide there; with strong damping below the phase resonance. NaN if
-        there is none, or the loss is larger than the stiffness: friction all but sticks. ``guess`` is (n,)
-        [rad/s].
+        there is none, or the loss is larger than the stiffness: friction all but sticks.
         """
         omega, square, stiffness, _ = self._iterate_frequency(size, guess, 0)
         known = (square != 0) & (stiffness.real > stiffness.imag)
         least = size * np.abs(stiffness - self._mass * omega**2)
         return np.where(known, omega, np.nan), np.where(known, least, np.nan)
 
-    def _tabulate(self, largest: float) -> None:
-        """Tabulate the backbone up to an amplitude [m]."""
+    @cached_property
+    def _table(self) -> tuple[Array, Array, Array]:
+        """Return the backbone up to twice the largest tested amplitude; see ``_tabulated``."""
+        return self._tabulated(2 * self._largest)
+
+    def _tabulated(self, largest: float) -> tuple[Array, Array, Array]:
+        """Return the backbone up to an amplitude [m]: amplitudes [m], frequencies [rad/s] and forces [N]."""
         size = np.geomspace(_MIN_AMPLITUDE * self._largest, largest, _TABLE_SIZE)
-        omega, force = self.backbone(size, np.full(len(size), self._frequency_near_resonance(self._largest)))
-        self._table = (size, omega, force)
+        near = np.full(len(size), self._frequency_near_resonance(self._largest))
+        return (size, *self.backbone(size, near))
 
     def _interpolated_frequency(self, size: Array) -> Array:
         """Interpolate the resonance frequency (n,) [rad/s] in the table."""
@@ -247,7 +249,7 @@ class AmplitudeBalance:
             size, _, force = self._table
             if not force[-1] < level:
                 break
-            self._tabulate(2 * float(size[-1]))
+            self._table = self._tabulated(2 * float(size[-1]))
         size, _, force = self._table
         reached = force <= level
         # an amplitude at which no motion was found, between two that are reached, ends no range
@@ -329,9 +331,7 @@ class AmplitudeBalance:
         return result
 
     def _newton_amplitude(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Solve for the amplitudes (n,) [m] of the levels by Newton's method; also a mask of the converged
-        ones.
-        """
+        """Solve for the amplitudes (n,) [m] of the levels by Newton's method; return a mask of converged."""
         start, first = None, np.array(size)
         gain = np.ones(len(size))
         miss = np.full(len(size), np.inf)
@@ -394,7 +394,6 @@ class SynthesisBalance(AmplitudeBalance):
         self._following_mass = np.array(self._places) == (self._places[-1] if table.test.base else -1)
         self._least, self._largest = splines.basis.lowest, table.tested[1]
         self._centre = np.pi * sum(frequencies)
-        self._tabulate(BEYOND * self._largest)
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Force that holds the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
@@ -406,9 +405,9 @@ class SynthesisBalance(AmplitudeBalance):
         """Return NaN (n,): the slopes of a law are not known."""
         return np.full(len(omega), np.nan + 0j)
 
-    def _tabulate(self, largest: float) -> None:
-        """Tabulate the backbone up to an amplitude [m], at most to the end of the modal table."""
-        super()._tabulate(min(largest, BEYOND * self._largest))
+    def _tabulated(self, largest: float) -> tuple[Array, Array, Array]:
+        """Return the backbone as of a law, at most to the end of the modal table."""
+        return super()._tabulated(min(largest, BEYOND * self._largest))
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
         """Return the response as for a law; NaN above the table, and below it if k and c matter there.

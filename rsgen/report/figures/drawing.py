@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import matplotlib
-import matplotlib.style
 import matplotlib.ticker
 import numpy as np
 from matplotlib.axes import Axes
@@ -70,6 +69,11 @@ _NO_METADATA = {
 }
 
 
+_SETTINGS: Any = {
+    name: value for name, value in matplotlib.rc_params_from_file(STYLE).items() if name != "backend"
+}
+"""Those of the style file, and matplotlib's defaults of all others."""
+
 _styled: list[None] = []
 """An entry for each block that draws in the project's style now; the settings are those of a process."""
 
@@ -77,7 +81,7 @@ _styled: list[None] = []
 @contextmanager
 def project_style() -> Iterator[None]:
     """Draw in the project's style; a block inside another changes nothing, which settings cost time to do."""
-    with nullcontext() if _styled else matplotlib.style.context(STYLE, after_reset=True):
+    with nullcontext() if _styled else matplotlib.rc_context(_SETTINGS):
         _styled.append(None)
         try:
             yield
