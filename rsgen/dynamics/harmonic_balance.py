@@ -1,8 +1,8 @@
-"""Harmonic balance: periodic motions of a nonlinear element in a linear structure, and all their derivatives.
+"""Harmonic balance: periodic motions of a mass on nonlinear elements, and all their derivatives.
 
 At a frequency the balance of every harmonic,
 
-    D_h z_h + N_h(z) = u_h,
+    -m (h omega)^2 z_h + N_h(z) = u_h,
 
 has as many real equations as the motion z has coefficients. At a given drive u all coefficients are sought.
 At a given amplitude X of the fundamental, whose phase is zero, the two of the drive are sought in its place:
@@ -13,10 +13,10 @@ back (alternating frequency-time: T. M. Cameron and J. H. Griffin, J. Appl. Mech
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,6 @@ from rsgen.common.tolerances import (
     POINTS_PER_BLOCK,
 )
 from rsgen.data.oscillator import Oscillator
-from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.law.motion import FourierSeries, Motion, fourier_series, sine_motion
 from rsgen.law.normal_form import ForceSample
@@ -54,21 +53,9 @@ _MEMORY_SAMPLES_RATIO = 4
 """Times as many samples of a law with memory: its loop is that of steps from sample to sample, O(h^2)."""
 
 
-class LinearPart(Protocol):
-    """Dynamic stiffness D around the nonlinear elements, and its derivatives by its own parameters."""
-
-    def dynamic(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
-        """(n, O) D of harmonics at base frequencies (n,) [rad/s], [N/m]."""
-        ...
-
-    def dynamic_by(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
-        """(n, O, q) its derivatives."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """Force and motion at n points with H harmonics, and derivatives by q parameters: law, linear part.
+    """Force and motion at n points with H harmonics, and derivatives by q parameters: law, mass.
 
     All phases count from one reference a point. The *given amplitude* of a point is that of the fundamental
     (``hold_amplitude``) or that of the force (``respond``, the simulator).
@@ -161,7 +148,7 @@ def following_harmonics(law: ForceLaw, order: int, *, even: bool = False) -> tup
 def hold_amplitude(
     law: ForceLaw,
     values: Array,
-    linear: LinearPart,
+    mass: float,
     omega: Array,
     amplitude: Array,
     start: ComplexArray,
@@ -173,8 +160,8 @@ def hold_amplitude(
 
     Parameters
     ----------
-    law, values, linear
-        The force law, its (p,) parameters, and the structure around it.
+    law, values, mass
+        The force law, its (p,) parameters, and m [kg].
     omega, amplitude
         (n,) [rad/s] and X [m].
     start
@@ -193,7 +180,7 @@ def hold_amplitude(
     loaded = load is not None and len(series.orders) > 1
     if load is not None:
         given[:, 2:] = series.real(load[:, list(series.orders)])[:, 2:]
-    balance = partial(_Balance, law, values, linear, series, first=2, width=start.shape[1])
+    balance = partial(_Balance, law, values, mass, series, first=2, width=start.shape[1])
     found = _solved(balance, omega, given, at, samples, MAX_TRIAL_STEPS, loaded=loaded)
     return replace(found, load_orders=series.order_of[2:]) if loaded else found
 
@@ -201,7 +188,7 @@ def hold_amplitude(
 def respond(
     law: ForceLaw,
     values: Array,
-    linear: LinearPart,
+    mass: float,
     omega: Array,
     drive: ComplexArray,
     start: ComplexArray,
@@ -212,7 +199,7 @@ def respond(
 
     Parameters
     ----------
-    law, values, linear
+    law, values, mass
         As of ``hold_amplitude``.
     omega
         (n,) [rad/s].
@@ -227,7 +214,7 @@ def respond(
     """
     series = _series(law, orders, samples)
     at, given = (series.real(part[:, list(series.orders)]) for part in (start, drive))
-    balance = partial(_Balance, law, values, linear, series, first=0, width=start.shape[1])
+    balance = partial(_Balance, law, values, mass, series, first=0, width=start.shape[1])
     return _solved(balance, omega, given, at, samples, MAX_NEWTON_STEPS)
 
 
@@ -267,7 +254,7 @@ class _Balance:
         self,
         law: ForceLaw,
         values: Array,
-        linear: LinearPart,
+        mass: float,
         series: FourierSeries,
         omega: Array,
         given: Array,
@@ -278,8 +265,8 @@ class _Balance:
     ) -> None:
         self._law, self._values, self._omega = law, values, omega
         self._series, self._given, self._at, self._first, self._width = series, given, at, first, width
-        self._dynamic = series.matrix(linear.dynamic(omega, series.orders))
-        self._dynamic_by = linear.dynamic_by(omega, series.orders)
+        self._per_mass = -((omega[:, None] * series.order_of) ** 2)
+        self._inertia = mass * self._per_mass
         self._last: tuple[Rows, Array, ForceSample, Array] | None = None
         self._slopes: tuple[ForceSample, Array] | None = None
 
@@ -297,15 +284,15 @@ class _Balance:
         # only switches ask for the acceleration
         a = (omega**2 * at) @ series.bend if self._law.switched else v
         sample = self._law.sample(x, v, a, series.step / omega, self._values)
-        balance = (self._dynamic[rows] @ at[:, :, None])[:, :, 0]
-        residual = balance + sample.force @ series.project - self._given[rows]
+        residual = self._inertia[rows] * at + sample.force @ series.project - self._given[rows]
         self._last = rows, at, sample, residual
         return sample, residual
 
     def _tangent(self, rows: Rows, sample: ForceSample) -> Array:
         """(k, d, d) of the balance along a sampled motion."""
         if self._slopes is None or self._slopes[0] is not sample:
-            self._slopes = sample, sample.tangent(self._series, self._omega[rows]) + self._dynamic[rows]
+            tangent = sample.tangent(self._series, self._omega[rows])
+            self._slopes = sample, tangent + self._inertia[rows, :, None] * np.eye(len(self._series.order_of))
         return self._slopes[1]
 
     def residual(self, rows: Rows, unknowns: Array) -> Array:
@@ -319,7 +306,7 @@ class _Balance:
         left = residual[:, first:]
         move = -solve_each(self._tangent(rows, sample)[:, first:, first:], left[:, :, None])[:, :, 0]
         # a motion that is hardly one is as large as the inertia of the drive would make it
-        faint = _MOTION_AT_REST * np.abs(self._given[rows]).max(axis=1) / np.abs(self._dynamic[rows, 0, 0])
+        faint = _MOTION_AT_REST * np.abs(self._given[rows]).max(axis=1) / np.abs(self._inertia[rows, 0])
         scale = np.maximum(np.abs(at[:, :2]).max(axis=1), faint)
         relative_step = np.abs(move).max(axis=1) / np.maximum(scale, 1e-300)
         if first:
@@ -356,12 +343,10 @@ class _Balance:
         numbers of z are held, as the amplitude is: their rows then give the force and its derivatives.
         """
         series, first = self._series, self._first
-        # of the balance by the logarithm of the given amplitude, the parameters of the law, those around it
+        # of the balance by the logarithm of the given amplitude, the parameters of the law, the mass
         by_log_amplitude = at[:, :1] * tangent[:, :, 0] if first else -self._given
         law = [part @ series.project for part in sample.by_parameter]
-        motion = series.complex(at)[:, :, None]
-        around = [series.real((motion * self._dynamic_by)[:, :, j]) for j in range(self._dynamic_by.shape[2])]
-        by = np.stack([by_log_amplitude, *law, *around], axis=-1)
+        by = np.stack([by_log_amplitude, *law, at * self._per_mass], axis=-1)
         held = np.zeros((len(at), first, by.shape[2]))
         if first:
             held[:, 0, 0] = at[:, 0]
@@ -483,7 +468,7 @@ def solve_harmonic_balance(
     with np.errstate(all="ignore"):
         start = _linear_motion(law, values, mass, omega, drive) if guess is None else guess
         for samples in _samples(law, harmonics):
-            found = respond(law, values, Inertia(mass), omega, drive, start, _others(law, harmonics), samples)
+            found = respond(law, values, mass, omega, drive, start, _others(law, harmonics), samples)
             start = found.harmonics
     return balance_states(oscillator, found.motion(omega), found.force, found.valid)
 
@@ -506,7 +491,7 @@ def _linear_motion(
     motion, inertia = np.zeros_like(drive), mass * omega**2
     tiny = _MOTION_AT_REST * np.maximum(np.abs(drive[:, 1]), np.finfo(float).tiny) / inertia
     none = np.zeros((len(omega), 2), dtype=complex)
-    rest = hold_amplitude(law, values, Inertia(mass), omega, tiny, none, (), _MIN_SAMPLES)
+    rest = hold_amplitude(law, values, mass, omega, tiny, none, (), _MIN_SAMPLES)
     motion[:, 1] = drive[:, 1] / (rest.force_slope / tiny + 2j * ASSUMED_DAMPING_RATIO * inertia)
     return motion
 
@@ -537,10 +522,10 @@ def hold_oscillator(
 ) -> Response:
     """Find the force that holds the fundamental at an amplitude (n,) [m], frequency in Hz."""
     law, omega = compile_law(oscillator.force), 2 * np.pi * frequency
-    start, linear = np.zeros((len(amplitude), harmonics + 1), dtype=complex), Inertia(oscillator.mass)
+    start = np.zeros((len(amplitude), harmonics + 1), dtype=complex)
     values, follow = law.ordered(oscillator.values), _others(law, harmonics)
     with np.errstate(all="ignore"):
         for samples in _samples(law, harmonics):
-            found = hold_amplitude(law, values, linear, omega, amplitude, start, follow, samples)
+            found = hold_amplitude(law, values, oscillator.mass, omega, amplitude, start, follow, samples)
             start = found.harmonics
     return found

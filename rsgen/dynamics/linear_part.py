@@ -1,11 +1,6 @@
-"""The linear part of a structure: all that surrounds its nonlinear elements, as functions of frequency.
+"""The linear background of a structure: what its sensors see in addition to the mode of the law.
 
-    D z + N(z) = T u                       balance of every harmonic of the motion z along the elements
-    U = M u,    Y = C z + B u              what the sensors of the drive u and of the response see
-
-``Inertia`` is the structure whose springs and dampers are all in the law: D = -m (h omega)^2, T = C = 1; of a
-shaken base u is the acceleration of the base times -m.
-``BackgroundTerms`` are M and B of the fundamental. A mode among others answers a force F at the sensor with
+A mode among others answers a force F at the sensor with
 
     x = z + b(omega) F,     F = F_measured exp(i psi),     b = A + B/omega^2,
 
@@ -20,9 +15,8 @@ No background is the case without values.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -30,46 +24,8 @@ from rsgen.common.arrays import Array, Chosen, ComplexArray
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 
-
-class _HasResponse(Protocol):
-    """Rows of a test: points or a surface."""
-
-    @property
-    def force(self) -> Any:
-        """(n,) [N]."""
-        ...
-
-    @property
-    def harmonics(self) -> Any:
-        """(n, H+1) [m]."""
-        ...
-
-    @property
-    def peak(self) -> Any:
-        """(n, 2) [m]."""
-        ...
-
-
-Table = TypeVar("Table", bound=_HasResponse)
-
-
-@dataclass(frozen=True, slots=True)
-class Inertia:
-    """Dynamic stiffness D of a mass m [kg], its one parameter."""
-
-    mass: float
-
-    def dynamic(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
-        """(n, O) D of harmonics at base frequencies (n,) [rad/s], [N/m]."""
-        return self.mass * self._per_mass(omega, orders)
-
-    def dynamic_by(self, omega: Array, orders: Sequence[int]) -> ComplexArray:
-        """(n, O, q) its derivatives by the parameters."""
-        return self._per_mass(omega, orders)[:, :, None]
-
-    @staticmethod
-    def _per_mass(omega: Array, orders: Sequence[int]) -> ComplexArray:
-        return np.asarray(-((omega[:, None] * np.array(orders)) ** 2), dtype=np.complex128)
+Table = TypeVar("Table")
+"""Rows of a test, points or a surface: ``force`` (n,), ``harmonics`` (n, H+1), ``peak`` (n, 2)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,12 +96,12 @@ class BackgroundTerms:
         """Leave the mode alone: its displacement, and the force in the phase of the response."""
         if not len(values):
             return table
-        force = table.force * self.turn(values)
-        harmonics = np.array(table.harmonics)
+        rows: Any = table
+        force = rows.force * self.turn(values)
+        harmonics = np.array(rows.harmonics)
         harmonics[:, 1] -= self.receptance(values) * force
-        peak = table.peak if np.all(self.functions == 0) else np.full_like(table.peak, np.nan)
-        changed = replace(cast(Any, table), force=force, harmonics=harmonics, peak=peak)
-        return cast(Table, changed)
+        peak = rows.peak if np.all(self.functions == 0) else np.full_like(rows.peak, np.nan)
+        return cast(Table, replace(rows, force=force, harmonics=harmonics, peak=peak))
 
     def mode_of(self, spectra: MultisineSpectra, values: Array) -> MultisineSpectra:
         """Leave the mode alone in records whose lines (r (H+1),) are the points; the mean stays."""

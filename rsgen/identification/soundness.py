@@ -39,7 +39,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.record_set import DERIVATIVE, QUANTITIES
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
-from rsgen.dynamics.linear_part import BackgroundTerms, Inertia
+from rsgen.dynamics.linear_part import BackgroundTerms
 from rsgen.formula.names import symbol
 from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import motions_of, sensor_noise
@@ -569,7 +569,7 @@ def _unrecorded_harmonics(
     size = np.abs(across.harmonics[:, 1])
     start = np.zeros((len(across), BALANCE_HARMONICS + 1), dtype=complex)
     follow, samples = following_harmonics(joint, BALANCE_HARMONICS), SAMPLES_PER_PERIOD_SWITCHED
-    made = hold_amplitude(joint, values, Inertia(reduced), across.omega, size, start, follow, samples)
+    made = hold_amplitude(joint, values, reduced, across.omega, size, start, follow, samples)
     harmonics = np.where(made.valid[:, None] & np.isfinite(made.harmonics), made.harmonics, 0)
     harmonics = Motion(across.omega, harmonics).turned(np.angle(across.harmonics[:, 1])).harmonics
     harmonics[:, [0, *recorded.tolist()]] = 0

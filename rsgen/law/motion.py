@@ -153,16 +153,6 @@ class FourierSeries:
         values.imag[:, self._oscillates] = coordinates[:, self._imaginary_parts]
         return values
 
-    def matrix(self, factor: ComplexArray) -> Array:
-        """(n, d, d) that multiplies harmonics by complex factors (n, orders); that of the mean is real."""
-        count, re, im = len(self.order_of), self._real_parts, self._imaginary_parts
-        matrix = np.zeros((len(factor), count, count))
-        matrix[:, re, re] = factor.real
-        oscillating, real = factor[:, self._oscillates], re[self._oscillates]
-        matrix[:, im, im] = oscillating.real
-        matrix[:, real, im], matrix[:, im, real] = -oscillating.imag, oscillating.imag
-        return matrix
-
     def tangent(self, by_x: Array, by_rate: Array) -> Array:
         """(n, d, d) derivative of the coordinates of a force by those of the motion, from slopes (n, s).
 

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from itertools import combinations, permutations
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import sympy
@@ -28,6 +28,7 @@ from rsgen.formula.unit_text import read_unit
 from rsgen.law.character import Character, character, mirror_exchanges
 from rsgen.law.forms import STATES
 from rsgen.law.memory import from_rest, memory_form
+from rsgen.law.motion import Motion
 from rsgen.law.normal_form import ForceSample, SwitchedSum, switched_sum
 
 if TYPE_CHECKING:
@@ -63,18 +64,6 @@ def natural_sizes(law: ForceLaw, amplitude: float, omega: float, force: float) -
 
 Waves = tuple[Array, Array, Array]
 """Displacement [m], velocity [m/s] and acceleration [m/s^2], of one shape."""
-
-
-class Periodic(Protocol):
-    """One period of n motions: displacement, velocity, acceleration as waveforms (n, samples)."""
-
-    def waveforms(self, samples: int) -> tuple[Array, Array, Array]:
-        """Displacement [m], velocity [m/s] and acceleration [m/s^2]."""
-        ...
-
-    def interval(self, samples: int) -> Array:
-        """(n, 1) time from sample to sample [s]."""
-        ...
 
 
 class Part(NamedTuple):
@@ -157,18 +146,8 @@ class ForceLaw(Character):
             return self._loops.sample(x, v, a, step, values)
         return _sample(self._sum((x, v), (v, a), step, values))
 
-    def along(self, motion: Periodic, values: Array, samples: int) -> ForceSample:
-        """Evaluate the law and all its derivatives (n, samples) over one period of n motions.
-
-        Parameters
-        ----------
-        motion
-            A ``rsgen.law.motion.Motion``.
-        values
-            (p,) SI values of the parameters.
-        samples
-            A period.
-        """
+    def along(self, motion: Motion, values: Array, samples: int) -> ForceSample:
+        """Evaluate the law and all its derivatives (n, samples) over one period of n motions."""
         return self.sample(*motion.waveforms(samples), motion.interval(samples), values)
 
     def still(self, x: Array, values: Array) -> ForceSample:

@@ -6,7 +6,6 @@ import pytest
 from rsgen.common.tolerances import BALANCE_HARMONICS
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
-from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.observed import Observed
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.ranking.balance import predicted_motion, whiten_balance
@@ -24,7 +23,7 @@ def exact(size: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Force and harmonics of exact motions of these sizes and phases."""
     follow = following_harmonics(LAW, BALANCE_HARMONICS)
     held = hold_amplitude(
-        LAW, VALUES, Inertia(MASS), OMEGA, size, np.zeros((5, BALANCE_HARMONICS + 1), complex), follow, 256
+        LAW, VALUES, MASS, OMEGA, size, np.zeros((5, BALANCE_HARMONICS + 1), complex), follow, 256
     )
     phase = np.exp(1j * turn)
     return held.force * phase, held.harmonics * phase[:, None] ** np.arange(BALANCE_HARMONICS + 1)

@@ -1,14 +1,11 @@
 """The harmonic balance against an independent one, time integration, closed forms and differences."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 
 from rsgen.common.solvers import newton
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics import harmonic_balance as balance
-from rsgen.dynamics.linear_part import Inertia
 from rsgen.formula.reading import parse
 from rsgen.law.numeric import compile_law
 from tests.oracles import harmonic_balance as oracle
@@ -51,9 +48,8 @@ def test_derivatives_at_a_given_drive_are_those_of_the_motion(name):
     drive[:, 1] = DRIVE
 
     def solve(place: np.ndarray, times: float = 1.0):
-        linear = Inertia(float(place[-1]))
         orders = (*((0,) if law.springs else ()), *range(2, 8))
-        return balance.respond(law, place[:-1], linear, OMEGA, times * drive, start, orders, 256)
+        return balance.respond(law, place[:-1], place[-1], OMEGA, times * drive, start, orders, 256)
 
     place, h = np.append(law.ordered(values), MASS), 1e-5
     # near the motion of the law alone, from which all trials begin
@@ -80,7 +76,7 @@ def hold(text: str, place: np.ndarray, size: np.ndarray = SIZE, order: int = 9, 
     law = compile_law(parse(text))
     start = np.zeros((len(OMEGA), order + 1), dtype=complex)
     orders = balance.following_harmonics(law, order)
-    return balance.hold_amplitude(law, place[:-1], Inertia(place[-1]), OMEGA, size, start, orders, samples)
+    return balance.hold_amplitude(law, place[:-1], place[-1], OMEGA, size, start, orders, samples)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -114,36 +110,6 @@ def test_one_harmonic_gives_the_describing_functions():
     stiffness = 4000 + 3 / 4 * 1e5 * SIZE**2 + 5 / 8 * 1e8 * SIZE**4
     damping = 2 + 8 * 3 * OMEGA * SIZE / (3 * np.pi)
     assert at.force / SIZE == pytest.approx(stiffness - MASS * OMEGA**2 + 1j * OMEGA * damping, rel=1e-6)
-
-
-class Lossy:
-    """A mass on a lossy spring, D = -m (h omega)^2 + s (1 + i eta): complex in every harmonic."""
-
-    def __init__(self, stiffness: complex) -> None:
-        self.stiffness = stiffness
-
-    def dynamic(self, omega: np.ndarray, orders: Sequence[int]) -> np.ndarray:
-        oscillates = np.array(orders) > 0
-        return Inertia(MASS).dynamic(omega, orders) + np.where(
-            oscillates, self.stiffness, self.stiffness.real
-        )
-
-    def dynamic_by(self, omega: np.ndarray, orders: Sequence[int]) -> np.ndarray:
-        return np.ones((len(omega), len(orders), 1), dtype=complex)
-
-
-def test_any_linear_part_surrounds_the_law():
-    law, around = compile_law(Oscillator(MASS, "k*x + c*v", {"k": 1.0, "c": 1.0}).force), Lossy(2000 + 300j)
-    values, size = np.array([3.8, 4000.0]), np.linspace(1e-3, 5e-3, 5)
-    at = balance.hold_amplitude(law, values, around, OMEGA, size, np.zeros((5, 6), complex), (3, 5), 64)
-    exact = 6000 + 300j - MASS * OMEGA**2 + 3.8j * OMEGA
-    np.testing.assert_allclose(at.force, exact * size, rtol=1e-12)
-    # by the spring around the law as by the one in it
-    np.testing.assert_allclose(at.force_by[:, 2], at.force_by[:, 1], rtol=1e-12)
-    drive = np.zeros((5, 6), complex)
-    drive[:, 1] = DRIVE
-    free = balance.respond(law, values, around, OMEGA, drive, np.zeros((5, 6), complex), (3, 5), 64)
-    np.testing.assert_allclose(free.harmonics[:, 1], DRIVE / exact, rtol=1e-12)
 
 
 class Arctangents:

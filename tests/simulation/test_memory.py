@@ -7,7 +7,6 @@ import rsgen
 import rsgen as rs
 from rsgen import Oscillator, RsgenError, SimulatedTest, simulate
 from rsgen.dynamics import harmonic_balance
-from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.numeric import compile_law
 
@@ -42,7 +41,7 @@ def test_harmonic_balance_of_states_nears_the_motion_by_the_square_of_the_step()
     exact = solve_steady_states(BOUC_WEN, [2.0, 6.0, 11.0], f, harmonics=9, accuracy=1e-9).harmonics
     drive, start, others = np.zeros((3, 16), complex), np.zeros((3, 16), complex), tuple(range(2, 16))
     drive[:, 1], start[:, 1:10] = [2.0, 6.0, 11.0], exact[:, 1:]
-    values, mass = law.ordered(BOUC_WEN.values), Inertia(BOUC_WEN.mass)
+    values, mass = law.ordered(BOUC_WEN.values), BOUC_WEN.mass
     few, many = (
         harmonic_balance.respond(law, values, mass, 2 * np.pi * f, drive, start, others, samples).harmonics
         for samples in (256, 1024)

@@ -30,7 +30,6 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.harmonic_balance import ACCEPTED_STEP, Response, following_harmonics, hold_amplitude
-from rsgen.dynamics.linear_part import Inertia
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.least_squares import (
@@ -151,7 +150,7 @@ class HarmonicBalance(Forward):
                 return response
             guess = self._next(response, parameters - before, np.log(size / last))
         response = hold_amplitude(
-            self._law, values, Inertia(mass), self._omega, size, guess, self._follow, self.samples, self._load
+            self._law, values, mass, self._omega, size, guess, self._follow, self.samples, self._load
         )
         self._last = (parameters, np.array(size), self.samples, response)
         return response

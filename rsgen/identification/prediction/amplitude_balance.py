@@ -42,7 +42,6 @@ from rsgen.dynamics.harmonic_balance import (
     following_harmonics,
     hold_amplitude,
 )
-from rsgen.dynamics.linear_part import Inertia
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
@@ -97,7 +96,7 @@ class AmplitudeBalance:
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Return the response with amplitudes X (n,) [m] at the frequencies (n,) [rad/s]."""
         guess = np.zeros((len(size), self._order + 1), dtype=complex) if start is None else start
-        hold = partial(hold_amplitude, self._law, self._values, Inertia(self._mass))
+        hold = partial(hold_amplitude, self._law, self._values, self._mass)
         at = hold(omega, size, guess, self._following, self._samples)
         lost = ~(at.valid & np.isfinite(at.force))
         if not lost.any():

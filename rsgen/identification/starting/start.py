@@ -40,7 +40,6 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import Response, following_harmonics, hold_amplitude
-from rsgen.dynamics.linear_part import Inertia
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.observed import Problem
@@ -565,7 +564,7 @@ def _balance_at_amplitudes(
     samples = samples_for(law.switched)
     start = np.zeros((len(omega), max(order, 1) + 1), dtype=complex)
     follow = following_harmonics(law, order)
-    return hold_amplitude(law, values, Inertia(mass), omega, size, start, follow, samples)
+    return hold_amplitude(law, values, mass, omega, size, start, follow, samples)
 
 
 def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
