@@ -27,7 +27,8 @@ from rsgen.describing.function import DescribingFunction, closed_mean, integrals
 from rsgen.describing.quadrature import MIN_PROOF_CYCLES, PROOF_TOLERANCE, Trial, draw_trial, worst_error
 from rsgen.describing.regimes import Reading, read
 from rsgen.formula.bounds import algebra_faults
-from rsgen.formula.names import STATE_V, STATE_X, X0, renamed, symbol
+from rsgen.formula.evaluation import compiled
+from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X, renamed, symbol
 from rsgen.law.element import Element, make_element
 from rsgen.law.forms import expanded, moves
 from rsgen.law.memory import memory_form
@@ -96,10 +97,6 @@ class _Law:
         """The normal form of the force."""
         return normal_form(self.force)
 
-    def trial(self, *, centred: bool, seed: int) -> Trial:
-        """Draw random cycles of the law."""
-        return draw_trial(self.force, self.parameters, centred, seed)
-
 
 def _signed(force: sympy.Expr, names: tuple[str, ...], positive: frozenset[str]) -> _Law:
     symbols = tuple(sympy.Symbol(n, positive=True) if n in positive else symbol(n) for n in names)
@@ -163,7 +160,9 @@ def _closed_forms(law: _Law, mean: sympy.Expr, trial: Trial) -> _Closed:
     if part is None:
         return _by_quadrature(law.force)
     remainder = sympy.factor_terms(sympy.Add(*(a for a in addends if a not in closed)))
-    return _proved(part, sum_of_closed, sum_of_closed.trial(centred=mean == 0, seed=7), remainder)
+    return _proved(
+        part, sum_of_closed, draw_trial(sum_of_closed.force, law.parameters, mean == 0, 7), remainder
+    )
 
 
 def _powers(addend: sympy.Expr) -> int:
@@ -179,10 +178,12 @@ def _proved(part: ClosedPart, law: _Law, trial: Trial, remainder: sympy.Expr) ->
             "The closed form could not be proved, since the law is hardly ever defined; quadrature instead.",
         )
     readings = (read(part, 0), read(part, 1), read(part, 2))
-    formulas = tuple(reading.formula for reading in readings)
-    error = max(
-        worst_error(trial, law.parameters, part, None), worst_error(trial, law.parameters, None, formulas)
-    )
+    cycle = trial.cycle
+    place = cycle.X, cycle.mean, cycle.omega
+    formulas = compiled(tuple(reading.formula for reading in readings), (X, X0, OMEGA, *law.parameters))
+    shown = [np.broadcast_to(value, cycle.X.shape) for value in formulas(*place, *cycle.parameters)]
+    closed = part.evaluate(*place, dict(zip(law.parameters, cycle.parameters, strict=True)))
+    error = max(worst_error(trial, closed), worst_error(trial, shown))
     if not error <= PROOF_TOLERANCE:
         return _by_quadrature(
             law.force + remainder,
@@ -211,14 +212,14 @@ def _derive_memoryless(force: sympy.Expr, names: tuple[str, ...], may_centre: bo
     """
     positive = _decisive(force, normal_form(force))
     law = _signed(force, names, positive)
-    trial = law.trial(centred=True, seed=1)
+    trial = draw_trial(law.force, law.parameters, True, 1)
     centred = may_centre and _is_centred(trial)
     if not len(trial.cycle.X):
         # a law that is finite on no cycle; ``close`` refuses a pole at rest
         close(law.form, sympy.S.Zero)
     mean = sympy.S.Zero if centred else X0
     if not centred:
-        trial = law.trial(centred=False, seed=2)
+        trial = draw_trial(law.force, law.parameters, False, 2)
     found = _closed_forms(law, mean, trial)
     stiffness, damping, balance = (reading.formula for reading in found.readings)
     checked_to, vanishes = found.checked_to, False

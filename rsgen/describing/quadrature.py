@@ -10,6 +10,7 @@ embedded rule of 10 nodes, as in QUADPACK (Piessens et al., Springer, 1983).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +19,6 @@ import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, blocks
-from rsgen.describing.closed import ClosedPart
 from rsgen.formula.evaluation import Numeric, compiled
 from rsgen.formula.names import symbol
 from rsgen.law.normal_form import NormalForm, normal_form
@@ -375,7 +375,8 @@ def draw_trial(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], centred:
         return Trial(cycle, found.harmonics(cycle), sizes.harmonics(cycle))
 
 
-def _differences(values: list[Array], trial: Trial) -> float:
+def worst_error(trial: Trial, values: Sequence[Array]) -> float:
+    """Return the largest error of stiffness, damping and mean force, relative to the mean absolute force."""
     worst = 0.0
     for value, reference, size in zip(values, trial.reference, trial.size, strict=True):
         with np.errstate(all="ignore"):
@@ -384,22 +385,3 @@ def _differences(values: list[Array], trial: Trial) -> float:
         error = np.where(size > 1e-200, error, np.abs(value))
         worst = max(worst, float(np.max(np.where(np.isfinite(error), error, np.inf), initial=0.0)))
     return worst
-
-
-def worst_error(
-    trial: Trial,
-    parameters: tuple[sympy.Symbol, ...],
-    closed: ClosedPart | None,
-    formulas: tuple[sympy.Expr, ...] | None,
-) -> float:
-    """Return the largest error of a closed part or of formulas, relative to the mean absolute force."""
-    cycle = trial.cycle
-    values: list[Array] = []
-    if closed is not None:
-        named = dict(zip(parameters, cycle.parameters, strict=True))
-        values = closed.evaluate(cycle.X, cycle.mean, cycle.omega, named)
-    elif formulas is not None:
-        arguments = (symbol("X"), symbol("X0"), symbol("omega"), *parameters)
-        shown = compiled(formulas, arguments)(cycle.X, cycle.mean, cycle.omega, *cycle.parameters)
-        values = [np.broadcast_to(value, cycle.X.shape) for value in shown]
-    return _differences(values, trial)

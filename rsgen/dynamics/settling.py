@@ -244,8 +244,6 @@ def _accept(
 
     ``y`` (D, k) are their states after a round, ``history`` (2, D, k) those two periods and one before.
     """
-    if period_map.sticking is None:
-        return _accept_moving(period_map, result, active, y, history, least)
     settled = _accept_sticking(period_map, result, active, y, history, least)
     left = np.flatnonzero(~settled)
     settled[left] = _accept_moving(

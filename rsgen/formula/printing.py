@@ -8,7 +8,6 @@ import re
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from fractions import Fraction
 from functools import lru_cache
@@ -101,18 +100,6 @@ def without_number(term: sympy.Expr) -> sympy.Expr:
     return term.as_coeff_Mul()[1]
 
 
-@dataclass(frozen=True, slots=True)
-class Product:
-    """A term as sign, number, constant and remaining factors, above and below the fraction line."""
-
-    negative: bool
-    number: sympy.Rational
-    constants: tuple[sympy.Expr, ...]
-    constants_below: tuple[sympy.Expr, ...]
-    factors: tuple[sympy.Expr, ...]
-    factors_below: tuple[sympy.Expr, ...]
-
-
 def _place(factor: sympy.Expr) -> tuple[int, int, list[tuple[int, int, str]]]:
     base = factor.base if factor.is_Pow else factor
     if base in _STATE_ORDER:
@@ -128,8 +115,8 @@ def _place(factor: sympy.Expr) -> tuple[int, int, list[tuple[int, int, str]]]:
     return kind, _STATE_ORDER.get(base, 0), natural(str(factor))
 
 
-def split_product(expr: sympy.Expr) -> Product:
-    """Separate number, factors and divisors of a term as they are to be written."""
+def split_product(expr: sympy.Expr) -> tuple[sympy.Rational, list[sympy.Expr], list[sympy.Expr]]:
+    """Separate number, factors and divisors of a term, in the order in which they are to be written."""
     number = sympy.Integer(1)
     above: list[sympy.Expr] = []
     below: list[sympy.Expr] = []
@@ -140,16 +127,12 @@ def split_product(expr: sympy.Expr) -> Product:
             below.append(sympy.Pow(factor.base, -factor.exp))
         else:
             above.append(factor)
-    above.sort(key=_place)
-    below.sort(key=_place)
-    return Product(
-        negative=bool(number < 0),
-        number=abs(number),
-        constants=tuple(factor for factor in above if not free_symbols(factor)),
-        constants_below=tuple(factor for factor in below if not free_symbols(factor)),
-        factors=tuple(factor for factor in above if free_symbols(factor)),
-        factors_below=tuple(factor for factor in below if free_symbols(factor)),
-    )
+    return number, sorted(above, key=_place), sorted(below, key=_place)
+
+
+def _by_names(factors: Sequence[sympy.Expr]) -> tuple[list[sympy.Expr], list[sympy.Expr]]:
+    """Return the constants among factors, and those with names."""
+    return [f for f in factors if not free_symbols(f)], [f for f in factors if free_symbols(f)]
 
 
 def oriented(relation: sympy.Basic) -> sympy.Basic:
@@ -299,27 +282,27 @@ class Printer(ABC):
         return " ".join(self.terms(expr))
 
     def _term(self, expr: sympy.Expr) -> tuple[str, Level]:
-        product = split_product(expr)
+        signed, *halves = split_product(expr)
         if expr.is_Mul and len(expr.args) == 2 and expr.args[0] == -1 and expr.args[1].is_Add:
             return self._sum(sympy.Add(*(-term for term in expr.args[1].args))), Level.SUM
-        above, below, number = product.constants, product.constants_below, product.number
-        factors = list(product.factors)
-        if product.negative and self.reads_back:
+        (above, factors), (below, divisors) = map(_by_names, halves)
+        number, negative = abs(signed), bool(signed < 0)
+        if negative and self.reads_back:
             factors.sort(key=lambda factor: bool(factor.is_Add))
         decimal = decimal_text(number) is not None
         lead = [number] if decimal else [sympy.Integer(number.p)] if number.p != 1 else []
         under = [sympy.Integer(number.q)] if number.q != 1 and not decimal else []
-        lower = [*below, *product.factors_below]
+        lower = [*below, *divisors]
         unmerged = self.reads_back and under and len(lower) == 1 and lower[0].is_Add
-        whole = product.factors_below or (factors and not lead and not above)
+        whole = divisors or (factors and not lead and not above)
         if whole and not unmerged:
             upper = [*lead, *above, *factors]
             text = self.quotient(upper, [*under, *lower])
         else:
             upper = [*lead, *above] or factors
-            split = [([*lead, *above], [*under, *below]), (factors, list(product.factors_below))]
+            split = [([*lead, *above], [*under, *below]), (factors, divisors)]
             text = self.juxtaposed([self.quotient(*half) for half in split if half[0] or half[1]] or ["1"])
-        if product.negative:
+        if negative:
             return self.negated(text, bool(upper) and bool(upper[0].is_Add) and not unmerged), Level.SUM
         return text, self._term_level([*lead, *above, *factors], [*under, *lower])
 
