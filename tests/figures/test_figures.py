@@ -177,7 +177,7 @@ def test_printed_numbers_can_be_read_back(value, digits):
 
 def test_text_of_a_figure_is_never_mathematics():
     drawing = figures.draw_collapse(IDENTIFICATION)
-    with mpl.style.context(figures.STYLE):
+    with project_style():
         assert mpl.rcParams["text.usetex"] is False
         assert mpl.rcParams["text.parse_math"] is False
     assert not any(text.get_parse_math() for text in drawing.figure.axes[0].texts)
