@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,20 +197,18 @@ def _demodulated(
         omega, slope = 2 * pi * law.frequency_at(t), 2 * pi * law.slope_at(t)
         return differentiate(envelope, omega, slope, history.quantity)
 
-    force = demodulate(history.reference, rate, law.phase_at, narrow, (1, 2, 3) if reach >= 3 else (1,))[
-        :, :, 0
-    ]
+    orders = (0, 1, 2, 3) if reach >= 3 else (0, 1)
+    driven = demodulate(history.reference, rate, law.phase_at, narrow, orders)[:, :, 0]
+    force = driven[:, 1]
     steadier = demodulate(history.reference, rate, law.phase_at, wide, (1,))[:, 0, 0]
     envelope = demodulate(history.response, rate, law.phase_at, narrow, tuple(range(reach + 1)))
     motion = kinematics(narrow, envelope[:, 1])
     wider = kinematics(wide, demodulate(history.response, rate, law.phase_at, wide, (1,))[:, 0])
-    fed = mean_square(history.reference, narrow)
-    moved = mean_square(history.response, narrow)
+    # without the means, which are no vibration: many sensors have an offset
+    fed, fed_at_lines = _power(history.reference, narrow, driven)
+    power, line = _power(history.response, narrow, envelope[:, :, 0])
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = np.sum(np.abs(force) ** 2, axis=1) / 2 / fed
-    # without the mean, which is no vibration
-    line = np.sum(np.abs(envelope[:, 1:, 0]) ** 2, axis=1) / 2
-    power = np.maximum(moved - np.abs(envelope[:, 0, 0]) ** 2, line)
+        share = fed_at_lines / fed
     findings = check_force(history, share[np.isfinite(share)]) if np.isfinite(share).any() else []
     findings += check_response(history, line, power)
     t = narrow.middle / rate
@@ -220,14 +219,20 @@ def _demodulated(
         label=history.label,
         level=history.level,
         direction=law.direction,
-        force=force[:, 0],
+        force=force,
         motion=motion,
         harmonics=table,
         drive=law.frequency_at(t),
         rate=np.abs(law.slope_at(t)),
-        **_effects_of_windows(motion, wider, force[:, 0], steadier),
+        **_effects_of_windows(motion, wider, force, steadier),
         findings=tuple(findings),
     )
+
+
+def _power(signal: NDArray[Any], windows: Windows, harmonics: ComplexArray) -> tuple[Array, Array]:
+    """Return the power in windows (n,) without that of the mean, and at the harmonics (n, 1 + orders)."""
+    line = np.sum(np.abs(harmonics[:, 1:]) ** 2, axis=1) / 2
+    return np.maximum(mean_square(signal, windows) - np.abs(harmonics[:, 0]) ** 2, line), line
 
 
 def _effects_of_windows(
