@@ -90,7 +90,7 @@ from rsgen.identification.results.estimates import (
     phase_findings,
     state_background,
     state_parameters,
-    units_known,
+    what_checks_units,
     with_mass_error,
 )
 from rsgen.identification.soundness import (
@@ -498,7 +498,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             points=len(surface),
             levels=len(np.unique(points.level)),
             moves=moves_with_mass(refined),
-            known=units_known(surface.origin, model, units),
+            lacks=what_checks_units(surface, model, units),
         ),
         solution=refined.values,
         background=background,

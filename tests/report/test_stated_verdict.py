@@ -26,7 +26,7 @@ from tests.samples import (
     empty_drawings,
     write_result,
 )
-from tests.surfaces import MASS, changed, model, surface
+from tests.surfaces import MASS, changed, model, surface, truth
 
 SURFACE = cubic_surface()
 IDENTIFICATION = cubic_identification(SURFACE)
@@ -98,6 +98,23 @@ def test_a_verdict_says_that_nothing_checks_the_units(origin, given, said):
     assert found.verdict.state == "identified"
     assert ("nothing checks the units" in rsgen.explain(found)) is said
     assert ("all values scale with the units" in str(found)) is said
+
+
+@pytest.mark.parametrize(("labels", "given", "said"), [
+    (True, {}, True), (True, {"m": MASS}, True), (False, {}, False),
+    (True, {"m": MASS, "k": 5920.0}, True), (True, {"m": MASS, "kn": truth("cubic")["kn"]}, False),
+])  # fmt: skip
+def test_a_verdict_says_that_levels_are_labels_and_no_check_of_accelerations(labels, given, said):
+    """Both accelerations in g, read as m/s^2, were "Identified" with a gap 9.81 times too small."""
+    table = surface("cubic", levels=np.array([2.0, 4.0, 8.0]))
+    names = table.level / 2 if labels else None
+    shaken = changed(
+        table, force=table.force / MASS, level=table.level / MASS, label=names, base="acceleration",
+        per_mass=True, origin="measured",
+    )  # fmt: skip
+    found = rsgen.identify(shaken, model("cubic").elements, fixed=given)
+    assert found.verdict.state == "identified", rsgen.explain(found)
+    assert ("nothing checks the unit of base and response" in rsgen.explain(found)) is said
 
 
 def test_what_was_asked_for_stands_where_predictions_do():

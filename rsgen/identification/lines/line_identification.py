@@ -80,7 +80,7 @@ from rsgen.identification.results.estimates import (
     phase_findings,
     state_background,
     state_parameters,
-    units_known,
+    what_checks_units,
     with_mass_error,
 )
 from rsgen.identification.soundness import gain_findings, signs_along
@@ -217,7 +217,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
             excited=int((lines.used & part.excited()).sum()),
             records=len(part),
             levels=len(part.levels),
-            known=units_known(spectra.origin, model, units),
+            lacks=what_checks_units(spectra, model, units),
         ),
         findings=tuple(findings),
         solution=fit.values,

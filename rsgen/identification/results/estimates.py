@@ -28,6 +28,7 @@ from rsgen.common.tolerances import (
     samples_for,
 )
 from rsgen.data.oscillator import Model
+from rsgen.data.record_set import Records
 from rsgen.dynamics.linear_part import BackgroundTerms
 from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
@@ -200,9 +201,19 @@ def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str,
     return quantities("m", amplitude=amplitude.max()) | quantities(level_unit, level=level.max())
 
 
-def units_known(origin: str, model: Model, units: Mapping[str, str]) -> bool:
-    """Return True if units are right, as of a simulation, or a given mass, force or stiffness checks them."""
-    return origin == "simulated" or bool(model.weighed) or any("N" in units[name] for name in model.fixed)
+def what_checks_units(test: Records, model: Model, units: Mapping[str, str]) -> str:
+    """Return what checks the units of a test and is not known, its "mass" or "levels"; "" if they are right.
+
+    Those of a simulation are, and of forces where a mass, force or stiffness is given. On a driven base a
+    factor of both motions changes amplitudes alone: levels in their unit show it, or a given length.
+    """
+    given = [units[name] for name in model.fixed if units[name]]
+    if test.origin == "simulated":
+        return ""
+    if test.base:
+        has_length = any(read_unit(unit).dimension.powers.get("m") for unit in given)
+        return "" if test.label is None or has_length else "levels"
+    return "" if model.weighed or any("N" in unit for unit in given) else "mass"
 
 
 def outcome_of(
@@ -210,24 +221,26 @@ def outcome_of(
     misfit: float,
     moves: Mapping[str, float] | None = None,
     *,
-    known: bool,
+    lacks: str,
     **counts: int,
 ) -> Finding:
     """Summarise the numbers of identified and all parameters, ``counts`` of the test, and the misfit.
 
     Of ``moves``, by how many per cent each value moves with one of the mass, the largest is told that is
-    clearly more than one, and more than a standard error. Nothing checks the units of a test with a free mass
-    where they are not ``known`` (``units_known``).
+    clearly more than one, and more than a standard error. Nothing checks the units of a test that ``lacks``
+    its mass, which is free, or levels that are amounts (``what_checks_units``).
     """
     identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
     numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)
     error = {e.name: 100 * e.standard_error / abs(e.value) for e in estimates if e.identifiable and e.value}
     moving = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
     most = max(moving, key=lambda name: abs(moving[name]), default="")
-    if not most or round(abs(moving[most])) <= 1:
-        free = any(e.name == "m" and e.unit == "kg" and e.identifiable for e in estimates)
-        return Finding("identified", "info", "", numbers, {"mass": "free"} if free and not known else {})
-    return Finding("identified", "info", "", numbers | quantities(moves=moving[most]), {"moves": most})
+    names = {"levels": "labels"} if lacks == "levels" else {}
+    if most and round(abs(moving[most])) > 1:
+        numbers, names = numbers | quantities(moves=moving[most]), names | {"moves": most}
+    elif lacks == "mass" and any(e.name == "m" and e.unit == "kg" and e.identifiable for e in estimates):
+        names = {"mass": "free"}
+    return Finding("identified", "info", "", numbers, names)
 
 
 def state_background(
