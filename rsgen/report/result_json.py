@@ -339,7 +339,7 @@ def _resonance(point: Resonance) -> dict[str, Any]:
 
 
 def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
-    """Return the largest amplitude [m] of a curve, its 95 % band, where it is [Hz], and the jumps [Hz, m]."""
+    """Return the largest fundamental [m] of a curve, its 95 % band, where it is [Hz], and jumps [Hz, m]."""
     top = [int(np.nanargmax(curve.amplitude))] if len(curve.frequency) else []
     highest = {name: getattr(curve, name)[top] for name in ("amplitude", "frequency", "lower", "upper")}
     return {

@@ -118,9 +118,12 @@ def test_a_verdict_says_that_levels_are_labels_and_no_check_of_accelerations(lab
 
 
 def test_what_was_asked_for_stands_where_predictions_do():
-    page = page_of(None, Finding("level-predicted", "info", numbers={"level": Quantity(9.0, "N")}))
+    """The amplitude was taken for the travel, which is larger at stops."""
+    numbers = {"level": Quantity(9.0, "N"), "at": Quantity(9.6, "Hz"), "amplitude": Quantity(0.02, "m")}
+    page = page_of(None, Finding("level-predicted", "info", numbers=numbers))
     section = page.partition('id="prediction"')[2].partition("</section>")[0]
     assert "Under 9 N, as asked for" in section
+    assert "amplitudes are those of the fundamental" in section
 
 
 def test_the_first_step_is_the_one_that_matters_most():

@@ -560,7 +560,7 @@ class Prediction(Printed):
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (
             f"level [{unit}]",
-            "largest amplitude [m]",
+            "largest fundamental [m]",
             f"{CONFIDENCE_TEXT} band",
             "at [Hz]",
             f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep",
