@@ -112,7 +112,7 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
             "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what "
             "moves, and give it under [system] (in Python mass=); a mass other than m = "
             f"{short(mass.value, 4)} kg shows a wrong ratio of force to response, as of one of them rms read "
-            "as peak, or of a missing 2 pi"
+            "as peak, or of a missing 2 pi (in frequencies of accelerations it shows none)"
         )
     off = [(one.name, words) for one in found if one.identifiable and (words := off_if_rms(one.unit))]
     common = (
