@@ -262,23 +262,35 @@ def _outdone(one: _Compared) -> bool:
 
 
 def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) -> list[_Compared]:
-    """Rank along the motion of the best candidate so far, until the best is the same again."""
+    """Rank along the motion of the best candidate so far, until the best is the same again.
+
+    Of candidates that tie it is that of the simplest: smoothed friction and Coulomb's tie, and a sum with the
+    first loses points that the first alone follows, as if it missed them.
+    """
     rounds: list[_Compared] = []
     tried: list[str] = []
+    first = found[0]
     for _ in range(_MAX_ROUNDS):
         before = rounds[-1].round if rounds else None
-        motions = (test.along(fit.candidate, before) for fit in found[:_LEADERS])
+        motions = (test.along(fit.candidate, before) for fit in [first, *found][:_LEADERS])
         current = next((motion for motion in motions if motion is not None), None)
         if current is None:
             break
         rounds.append(_compare(test, current, entries, found))
         found, name = rounds[-1].found, current.leader.candidate.name
-        if found[0].candidate.name in (name, *tried) or rounds[-1].systematic_misfit > MISFIT_REJECTED:
+        first = _simplest_that_ties(found)
+        if first.candidate.name in (name, *tried) or rounds[-1].systematic_misfit > MISFIT_REJECTED:
             break
         tried.append(name)
     if not rounds:
         raise RsgenError("ranking: no candidate has steady states near the measured ones")
     return rounds
+
+
+def _simplest_that_ties(found: Sequence[CandidateFit]) -> CandidateFit:
+    """Return the fit with the fewest parameters of those that tie with the first, the best."""
+    tied = (fit for fit in found if fit.bic() - found[0].bic() < STRONG_EVIDENCE)
+    return min(tied, key=lambda fit: len(fit.candidate.values))
 
 
 def _compare(
