@@ -78,8 +78,6 @@ def walk_npz(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[N
 # ----------------------------------------------------------------------------
 # MATLAB files up to version 7: variables, structs and cells as a tree of arrays.
 
-_MAX_TEXTS_SHOWN = 12
-"""Texts shown of a list."""
 _WIDTHS = {
     "double": "f8", "single": "f4", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2",
     "int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8", "logical": "u1",
@@ -123,13 +121,13 @@ def _walk(value: Any, path: str, depth: int) -> Iterator[Node]:
             return
         if not value.dtype.names and value.size and all(_is_text(member) for member in value.flat):
             texts = [str(member.ravel()[0]) if member.size else "" for member in value.ravel(order="F")]
-            yield Node.text(path, ", ".join(texts[:_MAX_TEXTS_SHOWN]), value.shape)
+            yield Node.text(path, ", ".join(texts), value.shape)
             return
         for inner, child in _children(value, path):
             yield from _walk(child, inner, depth + 1)
     elif value.dtype.kind in "US":
-        first = str(value.ravel()[0]) if value.size else ""
-        yield Node.text(path, first, value.shape)
+        rows = [str(row).rstrip() for row in value.ravel()]
+        yield Node.text(path, ", ".join(rows), value.shape)
     elif value.dtype.kind in "fiubc":
         yield Node(path, value.shape, value.dtype.name, load=lambda: value)
     else:

@@ -221,6 +221,15 @@ def test_names_and_volts_of_a_matrix_are_drafted(tmp_path, run_cli):
     for name, case in (("sweep", "a.toml"), ("run", "b.toml")):
         (tmp_path / f"{name}_4N.mat").write_bytes((tmp_path / "sweep_4N.mat").read_bytes())
         assert run_cli("init", "--from", tmp_path / f"{name}_4N.mat", tmp_path / case).code == 0
+    # arrays with numbers, a cell array of names, and one unit for both
+    cell = np.array(["base acc", "mass acc"], dtype=object)
+    numbered = {"CH1": samples[:, 0], "CH2": samples[:, 1], "fs": 2048.0, "chan": cell, "unit": "V"}
+    scipy.io.savemat(tmp_path / "sweep_base.mat", numbered)
+    tables = propose(list_contents(tmp_path / "sweep_base.mat")).tables
+    assert tables["test.base"].items() > {"unit": "V", "factor": "?", "samples": "CH1"}.items()
+    assert tables["test.response"].items() > {"quantity": "acceleration", "samples": "CH2"}.items()
+    scipy.io.savemat(tmp_path / "sweep.mat", numbered | {"chan": np.array(["up", "down"], dtype=object)})
+    assert "CH1 (up), CH2 (down)" in doubts(tmp_path / "sweep.mat")["test.response.samples"]
     # the mass of a force sweep is identified; of what is not known to have a force it must be given
     assert "\n# mass" in (tmp_path / "a.toml").read_text("utf-8")
     assert "of a test with a force delete it" in (tmp_path / "b.toml").read_text("utf-8")
@@ -532,6 +541,15 @@ def test_a_matrix_without_names_is_asked_for_its_columns_as_a_case_writes_them(t
     assert test["frequency"] == {"column": "?"}
     assert "excitation" not in test
     assert f"{name}[1], {name}[2], {name}[3], {name}[4]" in doubts(path)["test.response.amplitude"]
+    if ending != ".mat":
+        return
+    texts = {"channels": ["f", "force", "disp", "phase"], "units": ["Hz", "N", "mm", "deg"]}
+    lists = {key: np.array(values, dtype=object) for key, values in texts.items()}
+    scipy.io.savemat(path, {"data": matrix} | lists)
+    test = proposed(path)
+    assert test["frequency"] == {"column": "data[1]"}
+    assert test["force"].items() > {"amplitude": "data[2]", "unit": "N"}.items()
+    assert test["response"].items() > {"amplitude": "data[3]", "unit": "mm", "phase": "data[4]"}.items()
 
 
 def test_a_record_of_a_motion_alone_has_no_force_in_its_draft(tmp_path):

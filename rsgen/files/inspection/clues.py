@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from rsgen.common.errors import printable, quote
 from rsgen.data.record_set import QUANTITIES
-from rsgen.files.column_titles import is_angular, is_unit, split_title, unit_in
-from rsgen.files.tree import TEXT, Contents, Entry
+from rsgen.files.column_titles import VOLTAGES, is_angular, is_unit, split_title, unit_in
+from rsgen.files.tree import TEXT, Contents, Entry, natural_order
 from rsgen.formula.units import sensor_size
 
 TODO = "TODO: "
@@ -37,12 +38,12 @@ def first(entries: Sequence[Entry], *clues: Clue) -> Entry | None:
 def last_name(entry: Entry) -> str:
     """Return the title of a column without its unit, else the last part of a path with a meaning.
 
-    The name of "x/X1__V_/data" is X1__V_.
+    The name of "x/X1__V_/data" is X1__V_, that of the channel "acc[2]" is acc 2.
     """
     if entry.title:
         return split_title(entry.title)[0] or entry.title
     parts = [part for part in entry.path.split("/") if part.casefold() not in _VALUES]
-    return parts[-1] if parts else entry.path
+    return re.sub(r"\[(\d+)\]\Z", r" \1", parts[-1]) if parts else entry.path
 
 
 def called(entry: Entry) -> str:
@@ -149,7 +150,7 @@ def readable(contents: Contents) -> list[Entry]:
             name = last_name(named)
             unit = named.unit or unit_beside(entry.path, texts) or unit_in(name) or split_within(name)[1]
             found.append(replace(named, unit=plain_unit(unit)))
-    return [entry for entry in found if not _SPREAD(entry)]
+    return [entry for entry in _with_listed_names(found, contents) if not _SPREAD(entry)]
 
 
 _WITHIN = re.compile(r"\s?[\[(]\s*([^()\[\]]{1,12}?)\s*[\])](?=\s)")
@@ -174,6 +175,7 @@ _SPELLINGS = (
 
 
 _OF_UNITS = re.compile(r"(?i)unit|einheit")
+_OF_CHANNELS = re.compile(r"(?i)chan|kanal|signal|sensor|name|label")
 _OF_TEST = re.compile(r"(?i)comment|descr|remark|notes?$|info|bemerkung|kommentar|beschreibung")
 _MOST_TEXTS = 2
 """Texts of a file that a draft repeats, each of at most 60 characters."""
@@ -194,25 +196,59 @@ def said_in(contents: Contents, of_units: bool = False) -> str:
 def channels_of(entry: Entry, contents: Contents) -> list[Entry]:
     """Return the channels of an array: itself or, of a matrix, its rows along the longer side.
 
-    Each has the name and the unit that a text of the file lists for it, as "force, acceleration" and "V, V".
+    Each has the name and the unit that a text of the file lists for it.
     """
     sides = [length for length in entry.shape if length > 1]
     if len(sides) < 2:
         return [entry]
     count = min(sides)
-    names, units = [f"{last_name(entry)} {n + 1}" for n in range(count)], [entry.unit] * count
+    names, units = _listed(entry.path, count, contents)
+    pairs = zip(names or [entry.title] * count, units or [entry.unit] * count, strict=True)
+    return [
+        replace(entry, path=f"{entry.path}[{n}]", shape=(max(sides),), title=name, unit=unit)
+        for n, (name, unit) in enumerate(pairs, start=1)
+    ]
+
+
+def _listed(path: str, count: int, contents: Contents) -> tuple[list[str], list[str]]:
+    """Return names and units that texts next to ``path`` list for ``count`` channels; [] where none does.
+
+    As "force, acceleration" and "N, g"; "V" may stand for the outputs of all sensors.
+    """
+    names: list[str] = []
+    units: list[str] = []
     for text in (one for one in contents.entries if one.dtype == TEXT):
         parts = [plain_unit(part.strip()) for part in re.split("[,;|]", text.remark)]
         folder, slash, _ = text.path.rpartition("/")
-        if len(parts) == count and entry.path.startswith(folder + slash):
-            if _OF_UNITS.search(last_name(text)):
-                units = parts
-            elif re.search("(?i)channel|kanal|signal|sensor|name|label", last_name(text)):
-                names = parts
-    return [
-        replace(entry, path=f"{entry.path}[{n}]", shape=(max(sides),), title=name, unit=unit)
-        for n, (name, unit) in enumerate(zip(names, units, strict=True), start=1)
-    ]
+        if not path.startswith(folder + slash):
+            continue
+        if _OF_UNITS.search(last_name(text)):
+            parts = parts * count if len(parts) == 1 and parts[0] in VOLTAGES else parts
+            units = parts if len(parts) == count else units
+        elif len(parts) == count and _OF_CHANNELS.search(last_name(text)):
+            names = parts
+    return names, units
+
+
+def _with_listed_names(found: list[Entry], contents: Contents) -> list[Entry]:
+    """Put the names and units that texts list to the columns of a matrix, or to arrays ch1, ch2, ..."""
+    columns: list[Entry] = []
+    of: dict[str, Entry] = {}
+    families: dict[tuple[str, int], list[Entry]] = defaultdict(list)
+    for entry in found:
+        channels = channels_of(entry, contents)
+        listed = len(channels) > 1 and _listed(entry.path, len(channels), contents)[0]
+        columns += channels if listed else [entry]
+        if len(channels) == 1 < entry.size and not entry.title and entry.path[-1:].isdecimal():
+            families[entry.path.rpartition("/")[0], entry.size].append(entry)
+    for family in families.values():
+        family.sort(key=lambda entry: natural_order(entry.path))
+        names, units = _listed(family[0].path, len(family), contents)
+        if not names or len({entry.path.rstrip("0123456789") for entry in family}) > 1:
+            continue
+        for entry, name, unit in zip(family, names, units or [""] * len(names), strict=True):
+            of[entry.path] = replace(entry, title=name, unit=entry.unit or unit)
+    return [of.get(entry.path, entry) for entry in columns]
 
 
 def plain_unit(unit: str) -> str:

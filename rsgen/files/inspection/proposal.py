@@ -275,7 +275,8 @@ def _is_response(entry: Entry) -> bool:
 def _find_base(sensors: Sequence[Sensor]) -> list[Sensor]:
     """Find motions of a base by the names of channels; none where there is no other motion."""
     moved = [s for s in sensors if clues.motion_of(s.main) in QUANTITIES.values()]
-    bare = [sensor for sensor in sensors if not sensor.main.unit]
+    in_volts = [s for s in sensors if s.main.unit in VOLTAGES and _is_response(s.main)]
+    bare = [sensor for sensor in sensors if not sensor.main.unit] + in_volts
     moved += [sensor for sensor in bare if _is_response(sensor.main) or clues.BASE(sensor.main)]
     named = [sensor for sensor in moved if clues.BASE(sensor.main)]
     # without a unit a shaker may stand for its force or voltage, a base for its motion alone
@@ -379,7 +380,8 @@ def _ask_force(draft: _Draft, responses: Sequence[Sensor], free: Sequence[Sensor
 def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:
     """Ask which of several columns is the response, where no name or unit says it."""
     draft.tables["test.response"] = {"quantity": "displacement", "unit": "m", key: UNKNOWN}
-    names = listed([one.path if one.path.endswith("]") else clues.called(one) for one in columns])
+    called = [(one.path, clues.called(one)) for one in columns]
+    names = listed([name if path.endswith(name) else f"{path} ({name})" for path, name in called])
     draft.ask("test.response.unit", "write its unit")
     draft.ask(
         f"test.response.{key}",
