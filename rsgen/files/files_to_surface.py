@@ -28,11 +28,12 @@ from rsgen.data.history.record import driven_amplitude
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import MIN_POINTS_OF_RUN, below_acceleration, repeated_run
 from rsgen.data.surface.columns import recognise_directions
-from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
+from rsgen.data.surface.plausibility import base_findings, lag_findings, mixed_levels, quantity_findings
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_motions
+from rsgen.files.inspection.listing import list_contents
 from rsgen.files.nominal_levels import (
     amplitude_steps,
     assign_levels,
@@ -527,4 +528,7 @@ def _read(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     # a base that was misread feeds or mirrors by that
     passive = () if test.base is not None and other else passivity_findings(surface, sense, quantity)
     lag = lag_findings(surface)
+    if test.history is None and (mixed := list(mixed_levels(surface))):
+        columns = [entry.title or entry.path for entry in list_contents(test.file).entries if entry.size > 1]
+        lag = [*lag, *(replace(one, names=one.names | {"columns": listed(columns)}) for one in mixed)]
     return replace(surface, findings=(*surface.findings, *passive, *other, *lag))

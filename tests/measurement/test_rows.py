@@ -10,6 +10,7 @@ import pytest
 
 from rsgen import ResponseSurface, sentence
 from rsgen.common.errors import MeasurementError
+from rsgen.data.surface.plausibility import level_findings
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import Layout, LevelRule, MeasuredTest
@@ -135,6 +136,19 @@ def test_units_that_nobody_wrote_are_named_once(tmp_path):
     assert (force.severity, frequency.severity, frequency.names["default"]) == ("doubt", "info", "f in Hz")
     written = replace(test, force=Channel(amplitude="F", unit="N"), frequency_unit="Hz")
     assert not [one for one in read_measurement(written).findings if "default" in one.names]
+
+
+def test_a_level_column_that_was_forgotten_is_asked_for_with_the_columns_there_are(tmp_path):
+    """One level was read, and the law did not fit."""
+    rows = "".join(f"{f},{level},{level / abs(10 - f)}\n" for level in (1, 2, 3) for f in (8, 9, 11, 12))
+    path = text(tmp_path / "a.csv", f"f_Hz,level_N,x_m\n{rows}")
+    signals, one = (Channel(nominal=True), Channel(amplitude="x_m")), LevelRule(value=1.0)
+    test = MeasuredTest(path, "f_Hz", *signals, "displacement", phase_known=False, level=one)
+    (found,) = (f for f in read_measurement(test).findings if f.code == "levels-disagree")
+    assert found.names == {"one": "readings", "columns": "f_Hz, level_N, x_m"}
+    assert not list(level_findings(read_measurement(test)))
+    told = read_measurement(replace(test, level=LevelRule(column="level_N")))
+    assert "levels-disagree" not in [f.code for f in told.findings]
 
 
 def test_a_column_of_levels_that_is_the_force_is_no_recorded_force(tmp_path):

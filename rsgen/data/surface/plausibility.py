@@ -188,6 +188,11 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     held, unit = surface.response_held, surface.level_unit
     if surface.decays or not (held or unit == "N"):
         return
+    said = [one for one in surface.findings if one.code == "levels-disagree" and "columns" in one.names]
+    mixed = [] if said else list(mixed_levels(surface))
+    if said or mixed:
+        yield from mixed
+        return
     level, size = surface.level[rows := _usable(surface)], surface.amplitude[rows]
     force, levels = size if held else np.abs(surface.force[rows]), np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
@@ -227,6 +232,33 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
     if by_force:
         yield from _exchanged_levels(surface, rows)
+
+
+def mixed_levels(surface: ResponseSurface) -> Iterator[Finding]:
+    """Return a finding if the rows of one level are of several, or levels stand where frequencies should.
+
+    Under one force the responses of a sweep at one frequency are its readings; where they differ by more than
+    levels do at most frequencies, levels were not told. Where levels outnumber frequencies, the response at
+    one of these grows with the level (d|F|/dX > 0); it has a resonance where both are exchanged.
+    """
+    rows = _usable(surface)
+    if surface.control != "force" or surface.decays or not len(rows):
+        return
+    rows = rows[np.lexsort((surface.level[rows], surface.sweep[rows], surface.frequency[rows]))]
+    frequency, sweep, level = surface.frequency[rows], surface.sweep[rows], surface.level[rows]
+    edges = np.flatnonzero((np.diff(frequency) != 0) | (sweep[1:] != sweep[:-1])) + 1
+    readings = np.split(np.log(surface.amplitude[rows]), edges)
+    levels, frequencies = len(np.unique(level)), len(np.unique(frequency))
+    if levels > 1:
+        possible, names = levels > frequencies, {"rows": "columns"}
+        moved = np.median([np.max(one) - one[-1] for one in readings])
+    else:
+        possible = np.ptp(np.log(np.abs(surface.force[rows]))) < np.log(LEVEL_TOLERANCE)
+        moved, names = np.median([np.ptp(one) for one in readings]), {"one": "readings"}
+    if possible and moved > np.log(LEVEL_TOLERANCE):
+        numbers = quantities(levels=levels, frequencies=frequencies, moved=np.exp(moved))
+        numbers |= quantities(surface.level_unit, level=level[0])
+        yield Finding("levels-disagree", "doubt", "", numbers, names)
 
 
 def _exchanged_levels(surface: ResponseSurface, rows: NDArray[np.intp]) -> Iterator[Finding]:
