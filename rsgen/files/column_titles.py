@@ -50,19 +50,23 @@ def unit_doubts(
         title = unit_in(titles.get(channel.phase, ""))
         if title in _ANGLES and _ANGLES[title] != channel.phase_unit:
             found.append(contradiction(file, titles[channel.phase], channel.phase_unit, title))
-    if channel.unit is None or channel.factor != 1 or not test.calibrated:
+    if channel.factor != 1 or not test.calibrated:
         return found
     target = test.unit_of(channel)
     for column in channel.columns:
-        title = unit_in(titles.get(column, ""))
-        said, read = (sensor_size(unit, target) for unit in (title or target, channel.unit))
-        if said is None or read is None:
-            # a title may end like a unit of something else; volts are what a sensor gives without its factor
-            bracketed = titles.get(column, "").rstrip()[-1:] in (")", "]")
-            if title in VOLTAGES or title.endswith("Hz") or (bracketed and is_of_signal(title)):
-                found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
-        elif title and abs(said - read) > _UNIT_TOLERANCE * abs(read):
-            found.append(contradiction(file, titles.get(column, str(column)), channel.unit, title))
+        called = titles.get(column, "")
+        name, unit = split_title(called)
+        read_as = channel.unit or unit
+        # a unit that the case leaves to the file is that of the title; a row of units may have added another
+        for title in filter(None, (unit if channel.unit else "", _enclosed_unit(name))):
+            said, read = (sensor_size(unit, target) for unit in (title, read_as))
+            if said is None or read is None:
+                # a title may end like a unit of something else; volts are of a sensor without its factor
+                bracketed = called.rstrip()[-1:] in (")", "]")
+                if title in VOLTAGES or title.endswith("Hz") or (bracketed and is_of_signal(title)):
+                    found.append(contradiction(file, called, read_as, title))
+            elif abs(said - read) > _UNIT_TOLERANCE * abs(read):
+                found.append(contradiction(file, called, read_as, title))
     return found
 
 
@@ -178,19 +182,37 @@ def is_unit(text: str) -> bool:
 def join_units(titles: Sequence[str], cells: Sequence[str]) -> list[str]:
     """Return titles with the units of the row below them; as they are where that is no row of units.
 
+    A title that names another unit has both then, and is doubted where its column is read.
+
     Examples
     --------
     >>> join_units(["n", "F", "H"], ["", "[kN]", "(m/s^2)/N"]), join_units(["F"], ["sensor 2"])
     (['n', 'F [kN]', 'H [(m/s^2)/N]'], ['F'])
+    >>> join_units(["F [N]", "a [m/s2]"], ["kN", "m/s^2"])
+    ['F [N] [kN]', 'a [m/s2]']
     """
     if not all(is_unit(cell) for cell in cells if cell):
         return list(titles)
     units = [_ENCLOSED.sub(r"\1", cell) for cell in cells]
     pairs = zip(titles, units, strict=True)
     return [
-        f"{title} [{unit}]" if unit not in ("", "-") and not unit_in(title) else title
+        f"{title} [{unit}]" if unit not in ("", "-") and _is_another(unit, unit_in(title)) else title
         for title, unit in pairs
     ]
+
+
+def _enclosed_unit(name: str) -> str:
+    """Return the unit in brackets, or below a stroke, that a name still has; "" for "force_N"."""
+    rest, unit = split_title(name)
+    return unit if rest != name else ""
+
+
+def _is_another(unit: str, said: str) -> bool:
+    """Return True for a unit of another size or dimension than ``said``, or where nothing is said."""
+    own, other = (sensor_size(one, unit) for one in (unit, said))
+    if own is None or other is None:
+        return not said or (is_of_signal(unit) and is_of_signal(said))
+    return abs(other - own) > _UNIT_TOLERANCE * own
 
 
 def is_angular(title: str) -> bool:

@@ -528,7 +528,8 @@ def _read(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     # a base that was misread feeds or mirrors by that
     passive = () if test.base is not None and other else passivity_findings(surface, sense, quantity)
     lag = lag_findings(surface)
-    if test.history is None and (mixed := list(mixed_levels(surface))):
+    mixed = list(mixed_levels(surface)) if test.history is None else []
+    if mixed:
         columns = [entry.title or entry.path for entry in list_contents(test.file).entries if entry.size > 1]
-        lag = [*lag, *(replace(one, names=one.names | {"columns": listed(columns)}) for one in mixed)]
-    return replace(surface, findings=(*surface.findings, *passive, *other, *lag))
+        mixed = [replace(one, names={**one.names, "columns": listed(columns)}) for one in mixed]
+    return replace(surface, findings=(*surface.findings, *passive, *other, *lag, *mixed))

@@ -115,6 +115,19 @@ def test_units_of_a_header_hold_where_the_case_says_none(tmp_path):
     assert [found.code for found in surface.findings] == ["unit-of-file"] * 3
 
 
+@pytest.mark.parametrize(("unit", "row", "read_in", "says"), [
+    (None, "kN", "kN", ["N"]), ("N", "kN", "N", ["kN"]), ("kN", "kN", "kN", ["N"]), ("N", "(N)", "N", []),
+    ("N", "V", "N", ["V"]),
+])  # fmt: skip
+def test_another_unit_in_the_row_below_a_title_is_doubted(tmp_path, unit, row, read_in, says):
+    """The unit in the row of units was dropped without a word."""
+    path = text(tmp_path / "a.csv", f"f,F [N],x\nHz,{row},mm\n1,2,3\n2,2,4\n")
+    signals = Channel(amplitude="F [N]", unit=unit), Channel(amplitude="x", unit="mm")
+    surface = read_measurement(MeasuredTest(path, "f", *signals, "displacement", phase_known=False))
+    found = [f.names for f in surface.findings if f.severity == "doubt"]
+    assert [(names["unit"], names["title"]) for names in found] == [(read_in, said) for said in says]
+
+
 def test_an_angle_read_in_another_unit_than_its_title_is_doubted(tmp_path):
     for title, unit in (("phase_deg", "rad"), ("arg(X)/rad", "deg"), ("Phase (°)", "rad"), ("phase", "rad")):
         path = text(tmp_path / "a.csv", f"f_Hz,F_N,x_m,{title}\n1,1,3,0.5\n2,1,4,0.6\n")
