@@ -304,8 +304,10 @@ def _sentence(fault: Any, document: type[BaseModel]) -> str:
         key = "values" if many and "values" in keys else keys[0]
         allowed = f"a table, as {{ {key} = {'[ ... ]' if many else '...'} }},"
     over = _OVER_FORCE.get(str(fault["input"]).lower()) if path.endswith(".quantity") else None
-    ratio = f", here {over!r} with per_force = true" if over else ""
-    return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed{ratio}"
+    also = f", here {over!r} with per_force = true" if over else ""
+    if isinstance(fault["input"], dict | list) and f"{location[-1]}_error" in _keys(location[:-1], document):
+        also = f", and its standard error under {location[-1]}_error"
+    return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed{also}"
 
 
 def _shown(value: object) -> str:
