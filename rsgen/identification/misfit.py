@@ -57,7 +57,7 @@ from rsgen.identification.terms import (
     even_force_shift,
     fit_missing_terms,
     fit_near,
-    force_factors_leave,
+    force_factors,
     free_curves_leave,
     gain_of,
     largest_move,
@@ -123,12 +123,14 @@ def misfit_findings(
         fit, points, others, only_terms=rejected, decays=surface.decays
     )
     numbers = quantities(misfit=misfit)
+    gain = _other_gain(fit, surface.level_unit) if "levels" in names else {}
     if names:
-        numbers |= quantities(left=left_by_cause)
+        numbers |= gain | quantities(left=left_by_cause)
         # gains of the levels are no other law: they are as doubtful as the misfit is large
         severity = severity if "levels" in names or rejected else "doubt"
     known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
-    most = min(left_by_term, MISFIT_EXPLAINED) if rejected else left_by_term
+    # a wrong fixed value is no other gain of a single level
+    most = left_by_cause if gain else min(left_by_term, MISFIT_EXPLAINED) if rejected else left_by_term
     if known and not surface.decays and (fixed := _contradicted(surface, fit, most)):
         # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
@@ -210,7 +212,7 @@ def _cause(
         names["also"] = listed(alike)
     if not (only_terms or left_by_term < enough):
         curves = free_curves_leave(fit, points)
-        factors = inf if decays else force_factors_leave(fit)
+        factors = inf if decays else force_factors(fit)[0]
         names = {"free": "curves"} if curves < factors else {"levels": "force"}
         left_by_cause = min(curves, factors) * misfit
     if names.get("term") in _LIKE_EVEN and not records_even(problem) and _is_symmetric(problem):
@@ -264,6 +266,15 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-deviates", "doubt", numbers=numbers)]
+
+
+def _other_gain(fit: Fit, unit: str) -> dict[str, Quantity]:
+    """Return the level whose force has another factor than all others, and the factor; none if several do."""
+    factors = force_factors(fit)[1]
+    *others, (worst, level) = sorted((abs(np.log(factor)), level) for level, factor in factors.items())
+    if len(others) < 2 or worst < DEVIATING_MISFIT_RATIO * others[-1][0]:
+        return {}
+    return {"level": Quantity(level, unit), "gain": Quantity(factors[level])}
 
 
 def _few_points(fit: Fit) -> Problem:

@@ -193,23 +193,28 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     return float(np.sqrt(share / (1 - free.unknowns / (2 * len(missed)))))
 
 
-def force_factors_leave(fit: Fit) -> float:
-    """Return the share of the misfit left by another factor of the force at each level.
+def force_factors(fit: Fit) -> tuple[float, dict[float, float]]:
+    """Return the share of the misfit left by another factor of the force at each level, and these factors.
 
     A shaker whose force was not measured, or an amplifier, has a gain that changes with the level. To first
     order the residual changes by the same column c for a factor of all forces; its rows at one level are the
-    column of the factor there. Infinite if there are too few points.
+    column of the factor there. Factors are those of the measured forces to what fits, relative to the median.
+    Infinite, and no factors, if there are too few points.
     """
     points = fit.problem.observed.points
     residual, matrix, column = _by_points(fit, force=np.exp(1.0) * points.force)
     levels = points.level[fit.regression.used]
-    at = levels[:, None] == np.unique(levels)
+    names = np.unique(levels)
+    at = levels[:, None] == names
     if len(residual) != len(levels) or len(levels) < POINTS_PER_KNOT * at.shape[1]:
-        return np.inf
+        return np.inf, {}
     columns = np.concatenate([matrix[:, :, fit.problem.free], column[:, :, None] * at[:, None]], axis=2)
     right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
-    left = right - rows @ solve_scaled(rows, right)[0]
-    return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right))))
+    solution = solve_scaled(rows, right)[0]
+    left = right - rows @ solution
+    gains = solution[-len(names) :]
+    factors = dict(zip(names.tolist(), np.exp(gains - np.median(gains)).tolist(), strict=True))
+    return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right)))), factors
 
 
 def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, float]) -> Finding | None:

@@ -231,6 +231,21 @@ def test_a_value_that_was_fixed_at_zero_is_no_factor_of_another():
     }
 
 
+@pytest.mark.parametrize("place", [0, 2])
+def test_a_level_whose_channel_has_another_gain_is_named(place):
+    """All levels were said to have other factors, or the given mass to be wrong."""
+    test = surface("cubic")
+    level = float(test.levels[place])
+    response = noisy(test, NOISE / 10, 1).harmonics[:, 1] * np.where(test.level == level, 1.05, 1)
+    for mass in (MASS, None):
+        read = rsgen.ResponseSurface(test.level, test.frequency, test.force, response)
+        found = rsgen.identify(read, LAWS["cubic"][0], **({"mass": mass} if mass else {}))
+        assert "fixed-contradicted" not in codes(found)
+        (said,) = (one for one in found.findings if one.code == "law-does-not-fit")
+        assert said["level"] == level
+        assert said["gain"] == pytest.approx(1 / 1.05, rel=5e-3)
+
+
 @pytest.mark.parametrize("pair", [(0, 1), (2, 3)])
 def test_levels_with_each_others_responses_per_force_are_named(pair):
     """What is the response per force times its level grows with the level in any order of the files."""
