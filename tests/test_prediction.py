@@ -713,7 +713,8 @@ def test_a_level_whose_force_changes_is_predicted_at_its_forces():
     (fell,) = (one for one in stated if one.names.get("by") == "force")
     run = table.select((table.level == 16.0) & table.settled)
     near = run.amplitude > run.amplitude.max() / np.sqrt(2)
-    ratio = np.median(np.abs(run.force[near])) / np.median(np.abs(run.force[~near]))
+    # the most that it fell, where half of the resonance fell by 26 % in place of 47 %
+    ratio = np.min(np.abs(run.force[near])) / np.median(np.abs(run.force[~near]))
     assert fell["fell"] >= 1 - ratio > 0.05
     assert fell in predict(found, [20.0]).findings
     # of tested levels and of those held out there are the measured forces

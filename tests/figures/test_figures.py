@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from rsgen import derive, figures, make_element, modal_table, predict
+from rsgen import ResponseSurface, derive, figures, make_element, modal_table, predict
 from rsgen.identification.results.result import changed
 from rsgen.report.figures import Drawing, number_text
 from rsgen.report.figures.drawing import lay_out, project_style, take_axes
@@ -237,3 +237,15 @@ def test_no_movement_of_the_resonance_is_stated_where_the_band_ends_before_it():
     assert "it moves by" not in said
     assert "at the edge of the band, where the resonance lies or beyond which it lies" in said
     assert "it moves by" in figures.draw_surface(SURFACE).alternative
+
+
+def test_a_force_that_falls_near_the_resonance_moves_no_resonance():
+    """Of a shaker without control a dip of the force was told as a resonance that moves."""
+    levels, frequency = np.repeat([1.0, 5.0], 61), np.tile(np.linspace(8, 12, 61), 2)
+    omega = 2 * np.pi * frequency
+    dip = np.where(levels > 1, 0.5 * np.exp(-(((frequency - 9.9) / 0.3) ** 2)), 0.0)
+    force = levels * (1 - dip)
+    response = force / ((20 * np.pi) ** 2 - omega**2 + 2j * omega)
+    said = figures.draw_surface(ResponseSurface(levels, frequency, force, response)).alternative
+    assert "largest response per force" in said
+    assert "it moves by +0.00 %" in said

@@ -5,10 +5,10 @@ The error of a prediction is |predicted - measured|/|measured|, in root mean squ
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -328,10 +328,14 @@ def largest_of_curve(
     )
 
 
-def _change_near(amplitude: Array, force: Array | ComplexArray) -> float:
-    """Return by how much the force of the points (n,) of a level is larger near its resonance, relative."""
+def _change_near(
+    amplitude: Array, force: Array | ComplexArray, typical: Callable[[Array], Any] = np.median
+) -> float:
+    """Return by how much the force of the points (n,) of a level is larger near its resonance than elsewhere,
+    relative: the ``typical`` one there.
+    """
     near, size = amplitude >= HALF_POWER * np.max(amplitude), np.abs(force)
-    return float(np.median(size[near]) / np.median(size[~near]) - 1) if not near.all() else 0.0
+    return float(typical(size[near]) / np.median(size[~near]) - 1) if not near.all() else 0.0
 
 
 def force_changes(amplitude: Array, force: Array | ComplexArray) -> bool:
@@ -418,9 +422,9 @@ def levels_meant(
             findings.append(Finding("level-predicted", "info", "", numbers, {"by": "name"}))
     held = np.array([item.force for item in held_out])
     new = [one for one in new if not (np.abs(held / one.force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE).any()]
-    falls = [-_change_near(run.amplitude, run.force) for run, _ in sorted(runs, key=lambda pair: pair[1])]
-    if new and falls and falls[-1] > HELD_OUT_ERROR_SMALL:
-        numbers = quantities(fell=max(falls))
+    highest = max(runs, key=lambda pair: pair[1], default=None)
+    if new and highest and -_change_near(highest[0].amplitude, highest[0].force) > HELD_OUT_ERROR_SMALL:
+        numbers = quantities(fell=max(-_change_near(run.amplitude, run.force, np.min) for run, _ in runs))
         by = {"by": "force"} | ({"base": "yes"} if found.curve.base else {})
         findings.append(Finding("level-predicted", "info", "", numbers, by))
     return findings

@@ -29,6 +29,7 @@ from rsgen.describing.function import DescribingFunction
 from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
+from rsgen.identification.prediction.prediction_result import force_changes
 from rsgen.identification.results import Identification
 
 # Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
@@ -312,16 +313,25 @@ def _grid(surface: ResponseSurface) -> tuple[Array, Array, Array] | None:
 def peaks_by_level(surface: ResponseSurface) -> list[int]:
     """Return for each level the index of its settled point at resonance, levels ascending.
 
-    It is where the amplitude is largest, or, where the amplitude was held, the force least.
+    It is where the amplitude is largest, or, where the force changes near the resonance, the amplitude per
+    force; where the amplitude was held, the force is least.
     """
-    peaks = []
+    peaks, changes = [], force_of_levels_changes(surface)
     for level in surface.levels:
         points = np.flatnonzero((surface.level == level) & surface.settled)
         if points.size:
-            answer = surface.answer[points]
+            answer = surface.answer[points] / (np.abs(surface.force[points]) if changes else 1.0)
             at = np.argmin(answer) if surface.response_held else np.argmax(answer)
             peaks.append(int(points[at]))
     return peaks
+
+
+def force_of_levels_changes(surface: ResponseSurface) -> bool:
+    """Return whether a level has another force near its resonance, as of a shaker without control."""
+    if surface.response_held or surface.decays:
+        return False
+    runs = [(surface.level == level) & surface.settled for level in surface.levels]
+    return any(force_changes(surface.amplitude[run], surface.force[run]) for run in runs if run.any())
 
 
 def _alternative(surface: ResponseSurface) -> str:
@@ -329,6 +339,7 @@ def _alternative(surface: ResponseSurface) -> str:
     if not peaks:
         return "No test point settled, so there is no surface to show."
     extreme = "least force" if surface.response_held else "largest amplitude"
+    extreme = "amplitude at the largest response per force" if force_of_levels_changes(surface) else extreme
     lost = int(np.count_nonzero(~surface.settled))
     unsettled = f"{count_text(lost, 'point')} did not settle."
     extreme += " of a settled point" if lost else ""
