@@ -21,6 +21,7 @@ from rsgen.common.tolerances import (
     MAX_ERROR_TO_MISFIT,
     MISFIT_NEGLIGIBLE,
     RELATIVE_CHANGE_NEGLIGIBLE,
+    STANDARD_ERRORS_OF_DIFFERENCE,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
@@ -102,9 +103,12 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     moved = f"{found.outcome.names.get('moves', 'the linear stiffness')} by about {number_text(part * by, 2)}"
     said = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
     if weighed:
-        now = "is not checked by the test"
-        if mass.standard_error < (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
-            now = f"is with the test {short(mass.value, 5)} ± {short(mass.standard_error, 2)} kg"
+        now = f"is with the test {short(mass.value, 5)} ± {short(mass.standard_error, 2)} kg"
+        off = abs(mass.value - weighed[0]) / weighed[1]
+        if off > STANDARD_ERRORS_OF_DIFFERENCE:
+            now += f", {off:.2g} times that error off: law, mass or units of the channels are wrong"
+        elif mass.standard_error >= (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
+            now = "is not checked by the test"
         given = f"{short(weighed[0], 5)} ± {short(weighed[1], 2)} kg (standard error)"
         said = f"m, given as {given}, {now}; its error is in all intervals"
     elif mass.standard_error:
@@ -269,8 +273,7 @@ class Background:
     """The background: the sensor sees x = q + b(omega) F + o with F = F_measured exp(i psi).
 
     b(omega) = b0 + b1 (omega^-2 - middle)/(width), complex: residual terms of modes above and below the band,
-    or what the sensor picks up of the drive. o is a displacement of constant size and phase to F, whatever
-    the size of F.
+    or what the sensor picks up of the drive. o is a displacement of constant size, with a phase to F.
 
     Parameters
     ----------
@@ -302,10 +305,6 @@ class Background:
     def shape(self, omega: NDArray[np.float64], force: NDArray[Any]) -> BackgroundTerms:
         """Return the background at (n,) frequencies [rad/s] and forces [N] as a function of its values."""
         return background_terms(self.kind, omega, force, self.band)
-
-
-_NOTHING_COUNTED = Finding("identified", "info")
-"""Outcome of values that were given, not identified from a test."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -381,7 +380,7 @@ class Identification(Printed):
     levels: NDArray[np.float64]
     amplitude_range: tuple[float, float]
     frequency_range: tuple[float, float]
-    outcome: Finding = _NOTHING_COUNTED
+    outcome: Finding = field(default_factory=partial(Finding, "identified", "info"))
     findings: tuple[Finding, ...] = ()
     restoring: RestoringForce | None = None
     ranking: Any = None
