@@ -137,8 +137,8 @@ def misfit_findings(
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     left_by_kind = {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()}
-    least = min(left_by_term, left_by_cause)
-    if known and not surface.decays and (late := delay_finding(fit, misfit, least, left_by_kind)):
+    rivals = left_by_term, left_by_cause
+    if known and not surface.decays and (late := delay_finding(fit, misfit, rivals, left_by_kind)):
         return [replace(late, severity=severity if rejected else "doubt")]
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     if not names.keys() & {"term", "free", "side"}:

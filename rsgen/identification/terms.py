@@ -15,7 +15,6 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import count
 from math import nan
-from typing import Any
 
 import numpy as np
 import sympy
@@ -27,6 +26,7 @@ from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
+    MISFIT_NEGLIGIBLE,
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     POINTS_PER_KNOT,
@@ -44,7 +44,7 @@ from rsgen.formula.units import number_text
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Regression, Rules
-from rsgen.identification.fitting.observed import Observed, Problem
+from rsgen.identification.fitting.observed import Observed, Problem, neighbour_power
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import Agreement, Alternative, alternatives, stands_out
 from rsgen.identification.starting.start import records_even, start_fit
@@ -55,7 +55,7 @@ MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
 """Terms that a law may lack: the commonest nonlinear springs and dampers, which approximate others."""
 
 _PHASE_OF_STEP = 1e-3
-"""Of the force at the highest frequency [rad], by which the slope of a delay is found."""
+"""Of the force [rad], by which the slope of a phase is found."""
 
 EVEN_SHARE = 0.1
 """Force of an even term relative to that of the spring, which no fundamental shows."""
@@ -217,29 +217,46 @@ def force_factors(fit: Fit) -> tuple[float, dict[float, float]]:
     return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right)))), factors
 
 
-def delay_finding(fit: Fit, misfit: float, least: float, left_by: Mapping[str, float]) -> Finding | None:
-    """Find a delay that takes up most of a misfit, to first order, and no less than what leaves ``least``.
+def delay_finding(
+    fit: Fit, misfit: float, rivals: Sequence[float], left_by: Mapping[str, float]
+) -> Finding | None:
+    """Find a delay or a phase error of a channel that takes up most of a misfit, to first order.
 
-    Nor less than backgrounds, which leave ``left_by``. A narrow band does not tell it from a phase error.
-    A fit that did not converge says nothing of it.
+    Most is meant of what neighbours share; the rest is noise. ``rivals`` are what a term and free curves
+    leave, ``left_by`` what backgrounds leave, which have more values. A narrow band does not tell a delay
+    from a phase error, nor a lag from losses that do not grow with the frequency, which free curves take up.
+    A fit that did not converge says nothing of either.
     """
     points = fit.problem.observed.points
-    if not (points.phase_known and fit.regression.converged) or points.far.size:
+    used = points.select(fit.regression.used)
+    residual, matrix, column = _by_points(fit, force=np.exp(-1j * _PHASE_OF_STEP) * points.force)
+    matrix = matrix[:, :, fit.problem.free]
+    if not (used.phase_known and fit.regression.converged) or used.far.size or len(residual) != len(used):
         return None
-    step = _PHASE_OF_STEP / float(points.omega.max())
-    residual, matrix, column = _by_points(fit, force=np.exp(-1j * step * points.omega) * points.force)
-    columns = np.concatenate([matrix[:, :, fit.problem.free], column[:, :, None] / step], axis=2)
-    right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
-    solution = solve_scaled(rows, right)[0]
-    left = misfit * float(np.linalg.norm(right - rows @ solution) / np.linalg.norm(right))
-    delay = -float(solution[-1])
+    right, left, off = residual.reshape(-1), dict[str, float](), dict[str, float]()
+    for name, by in (("delay", used.omega), ("turn", np.ones(len(used)))):
+        changed = (column * by[:, None] / _PHASE_OF_STEP)[:, :, None]
+        rows = np.concatenate([matrix, changed], axis=2).reshape(residual.size, -1)
+        solution = solve_scaled(rows, right)[0]
+        left[name] = misfit * float(np.linalg.norm(right - rows @ solution) / np.linalg.norm(right))
+        off[name] = float(solution[-1])
+    best = min(left, key=left.__getitem__)
+    power, shared = neighbour_power(residual, used.neighbours)
+    noise = misfit * float(np.sqrt(1 - np.clip(np.sum(shared) / np.sum(power), 0, 1)))
+    most = np.hypot(noise, (1 - MIN_MISFIT_REDUCTION) * np.sqrt(misfit**2 - noise**2))
+    taken = misfit**2 - left[best] ** 2
+    clear = taken > max(MISFIT_NEGLIGIBLE**2, MIN_SIGNIFICANT_GAIN / fit.regression.freedom * left[best] ** 2)
+    clear &= simplest_background({best: left[best], **left_by}, misfit) == best
     more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / fit.regression.freedom)
-    if not left < min((1 - MIN_MISFIT_REDUCTION) * misfit, more * min([least, *left_by.values()])):
+    if not (clear and left[best] < min(most, more * max(min(rivals), noise))):
         return None
-    numbers = quantities(delay=Quantity(delay, "s"), left=left, misfit=misfit)
-    if left_by.get("phase", np.inf) < more * left:
-        numbers["turn"] = Quantity(-delay * float(np.median(points.omega)), "rad")
-    return Finding("channels-delayed", "doubt", numbers=numbers)
+    numbers = quantities(left=left[best], misfit=misfit)
+    if left["delay"] < more * left[best]:
+        numbers["delay"] = Quantity(-off["delay"], "s")
+    if left["turn"] < more * left[best]:
+        numbers["turn"] = Quantity(off["turn"], "rad")
+    lossy = off[best] < 0 and min(rivals) < more * left[best]
+    return Finding("channels-delayed", "doubt", numbers=numbers, names={"loss": "yes"} if lossy else {})
 
 
 def _by_points(fit: Fit, **columns: Any) -> tuple[Array, Array, Array]:

@@ -139,6 +139,6 @@ def test_a_fit_that_did_not_converge_blames_no_delay():
     fit = rs.identify(rs.ResponseSurface(test.level, test.frequency, test.force, late), LAW).fit
     assert fit is not None
     misfit = fit.regression.rms_misfit
-    assert delay_finding(fit, misfit, misfit, {}) is not None
+    assert delay_finding(fit, misfit, [misfit], {}) is not None
     ended = replace(fit, regression=replace(fit.regression, converged=False))
-    assert delay_finding(ended, misfit, misfit, {}) is None
+    assert delay_finding(ended, misfit, [misfit], {}) is None
