@@ -247,6 +247,18 @@ def test_a_phase_that_is_off_everywhere_is_named_with_its_value(noise, turn):
     assert 'background = "phase"' in next_step(said)
 
 
+@pytest.mark.parametrize("law", ["k*x + c*v", "k*x + c*v + k5*x**5", "k*x + k3*x**3 + cq*v*abs(v)"])
+@pytest.mark.parametrize("noise", [0.001, 0.01])
+def test_a_wrong_law_is_not_blamed_on_the_channels(law, noise):
+    """What it leaves is no delay, nor a phase that is off everywhere."""
+    test = measured("k*x + c*v + k3*x**3", {"k": 5920.0, "c": 4.0, "k3": 2e5}, [2.0, 5.0, 10.0])
+    found = rs.identify(noisy(test, noise, 2), law)
+    codes = {finding.code for finding in found.findings}
+    assert "channels-delayed" not in codes
+    # of 1 % of noise one hardening spring is another
+    assert "law-does-not-fit" in codes or noise == 0.01
+
+
 @pytest.mark.parametrize(("moved", "named"), [(-0.5, True), (-790.0, False)])
 def test_a_background_that_moves_a_value_absurdly_is_no_advice(moved, named):
     """Of a fit that had not converged it was said that k3 differs by -79 000 %."""
