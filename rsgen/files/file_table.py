@@ -17,7 +17,7 @@ from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.column_titles import VOLTAGES, is_of_signal, unit_doubts, unit_in
+from rsgen.files.column_titles import VOLTAGES, contradiction, is_of_signal, unit_doubts, unit_in
 from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
@@ -386,13 +386,23 @@ class Sources:
         found: list[Finding] = []
         for channel in self.test.sources:
             table = self.tables[file_of(self.test, channel, self.number)]
-            found += unit_doubts(self.test, table.label, table.names, channel)
+            found += unit_doubts(self.test, table.label, table.names, channel) or _degrees(table, channel)
         return found
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Of all tables."""
         return tuple(finding for table in self.tables.values() for finding in table.findings)
+
+
+def _degrees(table: Table, channel: Channel) -> list[Finding]:
+    """Find a phase in radians of more than two turns: no motion of a mode lags by that, but its degrees do."""
+    if channel.phase is None or channel.phase_unit != "rad":
+        return []
+    if np.max(np.abs(table.real(channel.phase)), initial=0.0) <= 4 * np.pi:
+        return []
+    found = contradiction(table.label, table.names.get(channel.phase, str(channel.phase)), "rad", "deg")
+    return [replace(found, names={**found.names, "beyond": "yes"})]
 
 
 def _signal(table: Table, channel: Channel, factor: float, what: str) -> ComplexArray:

@@ -16,6 +16,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.files.text_columns import read_columns
+from rsgen.report.sentences import next_step
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
@@ -136,6 +137,19 @@ def test_an_angle_read_in_another_unit_than_its_title_is_doubted(tmp_path):
         doubts = [found.code for found in surface.findings if found.severity == "doubt"]
         assert doubts == ["unit-contradicts-title"] * (title != "phase"), title
         assert not [f for f in surface.findings if f.code == "not-recorded"]
+
+
+@pytest.mark.parametrize(("phase", "doubted"), [(-170.0, True), (359.0, True), (-9.0, False)])
+def test_degrees_read_as_radians_are_doubted(tmp_path, phase, doubted):
+    """No title said it, and the law was rejected without a cause; a phase may be unwrapped, too."""
+    paths = [text(tmp_path / f"{n}.csv", f"f_Hz,F_N,x_m,p\n1,1,3,-1\n2,1,4,{phase + n}\n") for n in (0, 1)]
+    channel = Channel(amplitude="x_m", phase="p", phase_unit="rad")
+    surface = read_measurement(
+        MeasuredTest(tuple(paths), 1, Channel(amplitude="F_N"), channel, "displacement")
+    )
+    said = [f for f in surface.findings if f.code == "unit-contradicts-title"]
+    assert len(said) == doubted
+    assert all('phase_unit = "deg"' in next_step(one) for one in said)
 
 
 def test_units_that_nobody_wrote_are_named_once(tmp_path):
