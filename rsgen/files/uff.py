@@ -9,7 +9,7 @@ a missing end.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite
@@ -62,17 +62,6 @@ class _Qualifiers:
     numerator: int = 0
     """1 and 3 for rotations."""
     denominator: int = 0
-
-
-def _qualifiers(lines: Sequence[str]) -> _Qualifiers:
-    """Read the first two lines of data set 1858; the message of a fault has no place yet."""
-    found = [line.split() for line in lines[:2]]
-    if [len(line) >= few for line, few in zip(found, (2, 7), strict=False)] != [True, True] or not all(
-        re.fullmatch(r"-?\d{1,9}", text, re.ASCII) for line in found for text in line
-    ):
-        raise MeasurementError("two lines of whole numbers, 2 and 7 at least, are needed in data set 1858")
-    first, second = ([int(text) for text in line] for line in found)
-    return _Qualifiers(first[1], second[0], second[1], second[2], second[5], second[6])
 
 
 def _fault_of(function: int, ordinate: int, over: int, said: _Qualifiers) -> str:
@@ -411,10 +400,11 @@ def _binary(head: _Head, data: bytes, order: str) -> NDArray[Any]:
     raise MeasurementError(f"declares {head.count} points and {len(data)} bytes, which do not fit together")
 
 
-class _Sets:
+class _Sets(_Lines):
+    """The data sets of the file."""
+
     def __init__(self, file: BinaryIO, size: int, largest: int) -> None:
-        self.lines = _Lines(file)
-        self.file = file
+        super().__init__(file)
         self.size = size
         self.largest = largest
         self.others: list[str] = []
@@ -424,16 +414,16 @@ class _Sets:
 
     def walk(self) -> None:
         """Read all data sets; what is of use is in ``found`` and ``texts``, in the order of the file."""
-        while (raw := self.lines.next()) is not None:
+        while (raw := self.next()) is not None:
             if not raw.strip():
                 continue
             if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
-                raise self.lines.fail("two bytes a sign (UTF-16); save the file as UTF-8")
+                raise self.fail("two bytes a sign (UTF-16); save the file as UTF-8")
             if not _is_end(raw):
-                raise self.lines.fail("a data set begins with a line of -1; is it a universal file?")
-            name = self.lines.next()
+                raise self.fail("a data set begins with a line of -1; is it a universal file?")
+            name = self.next()
             if name is None:
-                raise self.lines.fail("the file ends where a data set should begin; it is cut off")
+                raise self.fail("the file ends where a data set should begin; it is cut off")
             text = _words(name)
             if text.strip() == "58":
                 self.found.append((*self.plain(), self.system))
@@ -451,12 +441,12 @@ class _Sets:
     def next_lines(self, most: int) -> list[str]:
         """Return the first lines of a data set, and pass over the others."""
         found: list[str] = []
-        while (raw := self.lines.next()) is not None:
+        while (raw := self.next()) is not None:
             if _is_end(raw):
                 return found
             if len(found) < most:
                 found.append(_words(raw).strip())
-        raise self.lines.fail("the file ends without the closing -1, so it is cut off; send it again")
+        raise self.fail("the file ends without the closing -1, so it is cut off; send it again")
 
     def header(self) -> None:
         """Read data set 151: which model, when, by which program; what the first one says is kept."""
@@ -466,11 +456,15 @@ class _Sets:
                 self.texts.setdefault(f"header/{name}", " ".join(text.split()))
 
     def qualifiers(self) -> _Qualifiers:
-        lines = self.next_lines(2)
-        try:
-            return _qualifiers(lines)
-        except MeasurementError as fault:
-            raise self.lines.fail(str(fault)) from None
+        """Read the first two lines of data set 1858."""
+        lines = [line.split() for line in self.next_lines(2)]
+        if len(lines) < 2 or len(lines[0]) < 2 or len(lines[1]) < 7:
+            raise self.fail("two lines of whole numbers, 2 and 7 at least, are needed in data set 1858")
+        octave, weighting, window, scale, above, below = (
+            self.integer(text, "a number of data set 1858")
+            for text in (lines[0][1], *lines[1][:3], *lines[1][5:7])
+        )
+        return _Qualifiers(octave, weighting, window, scale, above, below)
 
     def functions(self) -> Iterator[tuple[_Head, NDArray[Any], UnitSystem, _Qualifiers]]:
         """Return each function with its qualifiers, after it if the file ends with some, else before it."""
@@ -486,21 +480,19 @@ class _Sets:
 
     def skip(self, name: str) -> str:
         if not re.fullmatch(r"\d{1,6}[a-z]?", name):
-            raise self.lines.fail(f"{name[:20]!r} is no number of a data set; is it a universal file?")
+            raise self.fail(f"{name[:20]!r} is no number of a data set; is it a universal file?")
         self.next_lines(0)
         return name
 
     def units(self) -> UnitSystem:
         """Read data set 164: a code, and how many file units of length and force are in 1 m and in 1 N."""
-        code = self.lines.integer(_words(self.lines.next() or b"")[:10], "the code of the units")
-        fields = _FIELD.findall(_words(self.lines.next() or b""))
+        code = self.integer(_words(self.next() or b"")[:10], "the code of the units")
+        fields = _FIELD.findall(_words(self.next() or b""))
         if len(fields) < 2:
-            raise self.lines.fail("the factors of length and force are needed in data set 164")
-        length, force = (self.lines.real(field, "a factor of data set 164") for field in fields[:2])
+            raise self.fail("the factors of length and force are needed in data set 164")
+        length, force = (self.real(field, "a factor of data set 164") for field in fields[:2])
         if not (length > 0 and force > 0):
-            raise self.lines.fail(
-                f"the factors of data set 164 are {length:g} and {force:g}; above 0 is needed"
-            )
+            raise self.fail(f"the factors of data set 164 are {length:g} and {force:g}; above 0 is needed")
         self.skip("164")
         return unit_system(code, length, force)
 
@@ -508,12 +500,12 @@ class _Sets:
         try:
             array_bytes((head.count, _width(head)), np.dtype("f8"), self.largest)
         except MeasurementError as fault:
-            raise self.lines.fail(str(fault)) from None
+            raise self.fail(str(fault)) from None
 
     def plain(self) -> tuple[_Head, NDArray[Any]]:
-        head = _head(self.lines)
+        head = _head(self)
         self.check(head)
-        flat, first = _ascii(self.lines, head.count * _width(head))
+        flat, first = _ascii(self, head.count * _width(head))
         if len(flat) != head.count * _width(head):
             raise MeasurementError(
                 f"line {first}: {head.count} points are declared, which is {head.count * _width(head)} "
@@ -524,28 +516,28 @@ class _Sets:
     def raw(self, text: str) -> tuple[_Head, NDArray[Any]]:
         match = _BINARY.match(text)
         if match is None:
-            raise self.lines.fail("byte order, number format, lines and bytes are needed after 58b")
+            raise self.fail("byte order, number format, lines and bytes are needed after 58b")
         order, kind, lines, count = (int(group) for group in match.groups())
         if order not in (1, 2) or kind != 2:
-            raise self.lines.fail("byte order 1 or 2 and number format 2 (IEEE 754) are read")
+            raise self.fail("byte order 1 or 2 and number format 2 (IEEE 754) are read")
         if lines != HEADER_LINES:
-            raise self.lines.fail(f"a head of {lines} lines; {HEADER_LINES} are needed")
-        head = _head(self.lines)
+            raise self.fail(f"a head of {lines} lines; {HEADER_LINES} are needed")
+        head = _head(self)
         self.check(head)
         if count > self.size - self.file.tell():
-            raise self.lines.fail(f"declares {count} bytes; the file has {self.size - self.file.tell()} left")
+            raise self.fail(f"declares {count} bytes; the file has {self.size - self.file.tell()} left")
         data = self.file.read(count)
         # the closing line may follow at once or on the next line
-        raw = self.lines.next()
+        raw = self.next()
         if raw is not None and not raw.strip():
-            raw = self.lines.next()
+            raw = self.next()
         # a blank fewer would mean that a byte of the numbers is missing
         if raw is None or raw.rstrip() != b"    -1":
-            raise self.lines.fail("after the numbers the closing -1 is missing; the file is damaged")
+            raise self.fail("after the numbers the closing -1 is missing; the file is damaged")
         try:
             return head, _binary(head, data, "<" if order == 1 else ">")
         except MeasurementError as fault:
-            raise self.lines.fail(str(fault)) from None
+            raise self.fail(str(fault)) from None
 
 
 def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iterator[Node]:
