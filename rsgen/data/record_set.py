@@ -74,17 +74,23 @@ def misnamed_levels(levels: Array, amounts: Array, known: Sequence[Finding]) -> 
         pairs = [(Quantity(float(levels[at]), "N"), Quantity(float(amounts[at]), "N")) for at in off]
         return [Finding("levels-disagree", "doubt", numbers=quantities(level=a, force=b)) for a, b in pairs]
     near = np.abs(np.log(np.sort(amounts) / levels)) < np.log(LEVEL_TOLERANCE)
-    turned = np.flatnonzero(amounts[:-1] > LEVEL_TOLERANCE * amounts[1:]).tolist()
-    if not (near.all() and turned) or any(finding.code == "levels-swapped" for finding in known):
+    if not near.all() or any(finding.code == "levels-swapped" for finding in known):
+        return []
+    return swapped_levels(levels, amounts, LEVEL_TOLERANCE, "N")
+
+
+def swapped_levels(
+    levels: Array, amounts: Array, factor: float, unit: str, *, labels: bool = False
+) -> list[Finding]:
+    """Return a finding about the first two levels of which the lower one was driven harder by more than a
+    factor: their labels or files are swapped. Levels (k,) are in the unit of the amounts, or are labels.
+    """
+    turned = np.flatnonzero(amounts[:-1] > factor * amounts[1:])
+    if not len(turned):
         return []
     low, high = turned[0], turned[0] + 1
-    forces = {
-        "low": levels[low],
-        "high": levels[high],
-        "low_measured": amounts[low],
-        "high_measured": amounts[high],
-    }
-    numbers = {name: Quantity(float(one), "N") for name, one in forces.items()}
+    numbers = quantities("" if labels else unit, low=levels[low], high=levels[high])
+    numbers |= quantities(unit, low_measured=amounts[low], high_measured=amounts[high])
     return [Finding("levels-swapped", "doubt", numbers=numbers)]
 
 

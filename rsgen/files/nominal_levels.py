@@ -15,7 +15,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
+from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_RUN, swapped_levels
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
 from rsgen.data.surface.mode_findings import nearest_factor
 from rsgen.data.surface.plausibility import COMMON_FACTORS
@@ -316,7 +316,7 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
             # of two runs that were driven differently there is no typical amount
             return surface
         median, largest = amounts_of_levels(surface)
-        swapped = _order_findings(surface, levels, median)
+        swapped = swapped_levels(levels, median, 1 + _MAX_LEVEL_SPREAD, surface.level_unit)
         if swapped and np.all(np.abs(np.log(np.sort(median) / levels)) < np.log(LEVEL_TOLERANCE)):
             measured = levels[np.argsort(np.argsort(median))]
             about = {"labels": ", ".join(f"{one:g}" for one in levels), "unit": surface.level_unit}
@@ -360,7 +360,8 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     amounts = np.any(levels % 1) or _UNIT_OF_LABEL.match((test.level.name or "").partition("{level}")[2])
     if test.level.labels and falls and amounts:
         # whole numbers may count the runs, others and those with a unit are amounts of a drive
-        found += _order_findings(surface, levels, typical, labels=True)
+        factor, unit = 1 + _MAX_LEVEL_SPREAD, surface.level_unit
+        found += swapped_levels(levels, typical, factor, unit, labels=True)
     return replace(renamed, findings=(*surface.findings, *found))
 
 
@@ -379,17 +380,4 @@ def runs_of_one_level(runs: Iterable[tuple[str, float, float]], unit: str) -> li
             numbers = quantities(unit, level=level, low=low, high=high)
             names = {"first": first, "second": second}
             return [Finding("levels-disagree", "doubt", numbers=numbers, names=names)]
-    return []
-
-
-def _order_findings(
-    surface: ResponseSurface, levels: Array, median: Array, labels: bool = False
-) -> list[Finding]:
-    """Find two levels of which the lower one was driven harder: their labels or files are swapped."""
-    unit = surface.level_unit
-    for i in range(len(levels) - 1):
-        if median[i] > median[i + 1] * (1 + _MAX_LEVEL_SPREAD):
-            numbers = quantities("" if labels else unit, low=levels[i], high=levels[i + 1])
-            numbers |= quantities(unit, low_measured=median[i], high_measured=median[i + 1])
-            return [Finding("levels-swapped", "doubt", numbers=numbers)]
     return []
