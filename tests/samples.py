@@ -16,7 +16,7 @@ from rsgen.formula.reading import parse
 from rsgen.report import draw_all
 from rsgen.report.figures import Drawing
 from rsgen.report.provenance import Subject
-from rsgen.report.result_json import build_result, result_text
+from rsgen.report.result_json import Parts, build_result, result_text
 
 MASS, K1, KN1, C1 = 1.5, 5920.0, -2.2e5, 3.8
 """A softening cubic spring whose peak shifts by about 4 % at 12 N."""
@@ -96,8 +96,8 @@ def cubic_result(tolerance=0.01, *findings, held_out=(), name="cubic") -> dict[s
     surface, found, prediction = _samples()
     found, prediction = replace(found, findings=findings), replace(prediction, findings=held_out)
     subject = Subject.of_case(cubic_case(name=name), found)
-    parts = (subject, surface, found, cubic_comparison(found, tolerance), prediction, ())
-    content: dict[str, Any] = json.loads(result_text(build_result(*parts, {"surface": 1.0})))
+    parts = Parts(subject, surface, found, cubic_comparison(found, tolerance), prediction)
+    content: dict[str, Any] = json.loads(result_text(build_result(parts, {"surface": 1.0})))
     return content
 
 

@@ -29,7 +29,7 @@ from rsgen.report.notebook import known_results, write_notebook
 from rsgen.report.page import page_context, render_page
 from rsgen.report.page_tables import NO_MODAL, Modal, tabulate_mode
 from rsgen.report.provenance import Subject, collect_provenance
-from rsgen.report.result_json import build_result, result_text
+from rsgen.report.result_json import Parts, build_result, result_text
 
 
 def draw_all(
@@ -141,19 +141,16 @@ def write_report(
     printed = check_printed(subject, identification)
     if modal.table is not None:
         write_atomic(place / "modal.csv", modal.table.to_csv())
-    result = build_result(subject, surface, identification, comparison, prediction, printed, spent, modal)
-    write_atomic(place / "result.json", result_text(result))
+    parts = Parts(subject, surface, identification, comparison, prediction, printed, modal)
+    write_atomic(place / "result.json", result_text(build_result(parts, spent)))
     drawings = draw_all(subject, surface, identification, prediction, modal)
     for drawing in drawings if figures is not None else ():
         write_atomic(place / f"figure-{drawing.name}.{figures}", drawing.render(str(figures)))
     spent["report"] = time.perf_counter() - started
     provenance = collect_provenance(case, surface, spent, command)
-    context = page_context(
-        subject, surface, identification, comparison, prediction, printed, drawings, provenance, modal
-    )
-    write_atomic(place / "report.html", render_page(context))
+    write_atomic(place / "report.html", render_page(page_context(parts, drawings, provenance)))
     if case is not None:
-        results = known_results(case, surface, identification, comparison, prediction, drawings, modal)
+        results = known_results(case, parts, drawings)
         shown = {drawing.name for drawing in drawings}
         write_notebook(
             place / "notebook.ipynb",

@@ -19,17 +19,12 @@ import jinja2
 import nbformat
 
 import rsgen
-from rsgen.analysis.comparison import Comparison
 from rsgen.cases.case import Case
 from rsgen.common.errors import RsgenError
 from rsgen.common.output import write_atomic
-from rsgen.data.multisine.spectra import MultisineSpectra
-from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.identification.prediction import Prediction
-from rsgen.identification.results import Identification
 from rsgen.report.figures import Drawing
-from rsgen.report.page_tables import NO_MODAL, Modal
 from rsgen.report.provenance import plain_text, template_environment
+from rsgen.report.result_json import Parts
 
 # ----------------------------------------------------------------------------
 # Run the cells of a notebook in this process, given the results that the run already has: the cells are those
@@ -251,23 +246,16 @@ def build_notebook(case: Case, *, held_out: bool = False, loops: bool = False) -
     return notebook
 
 
-def known_results(
-    case: Case,
-    surface: ResponseSurface | MultisineSpectra,
-    identification: Identification,
-    comparison: Comparison,
-    prediction: Prediction,
-    drawings: Sequence[Drawing],
-    modal: Modal = NO_MODAL,
-) -> dict[str, object]:
+def known_results(case: Case, parts: Parts, drawings: Sequence[Drawing]) -> dict[str, object]:
     """Return what the notebook of a case would compute again, by the function of ``rsgen`` or its figures."""
     known: dict[str, object] = {f"draw_{one.name.replace('-', '_')}": one for one in drawings}
-    known |= dict.fromkeys(("simulate", "load_surface", "read"), surface)
-    known |= {"load_case": case, "identify": identification, "predict": prediction, "compare": comparison}
-    if identification.ranking is not None:
-        known["rank"] = identification.ranking
-    if modal.table is not None:
-        known["modal_table"] = modal.table
+    known |= dict.fromkeys(("simulate", "load_surface", "read"), parts.table)
+    known |= {"load_case": case, "identify": parts.identification}
+    known |= {"predict": parts.prediction, "compare": parts.comparison}
+    if parts.identification.ranking is not None:
+        known["rank"] = parts.identification.ranking
+    if parts.modal.table is not None:
+        known["modal_table"] = parts.modal.table
     return known
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -17,7 +17,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 import rsgen
-from rsgen.analysis.comparison import Comparison, all_findings, verdict_of
+from rsgen.analysis.comparison import all_findings, verdict_of
 from rsgen.common.arrays import Array
 from rsgen.common.finding import STATES, USABLE, Finding, Quantity, quantities, reasons_of, steps_once
 from rsgen.common.output import write_atomic
@@ -29,7 +29,6 @@ from rsgen.describing.function import PrintedComparison
 from rsgen.formula.names import symbol
 from rsgen.formula.reading import parse
 from rsgen.formula.units import count_text, number_text, quantity_text
-from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.results.result import mass_lines
 from rsgen.law.character import CANCELLATION_TOLERANCE
@@ -48,8 +47,8 @@ from rsgen.report.figures.equivalent import (
     smooth_backbone,
 )
 from rsgen.report.page_tables import NO_MODAL, Modal, harmonics_matter
-from rsgen.report.provenance import Subject, page_environment
-from rsgen.report.result_json import Entry, read_results
+from rsgen.report.provenance import page_environment
+from rsgen.report.result_json import Entry, Parts, read_results
 from rsgen.report.sentences import full_sentence, sentence
 
 # ----------------------------------------------------------------------------
@@ -138,33 +137,21 @@ def render_page(context: Mapping[str, Any]) -> str:
     return page_environment().get_template("report/report.html").render(context)
 
 
-def page_context(
-    subject: Subject,
-    surface: ResponseSurface | MultisineSpectra,
-    identification: Identification,
-    comparison: Comparison,
-    prediction: Prediction,
-    printed: Sequence[PrintedComparison],
-    drawings: Iterable[Drawing],
-    provenance: Mapping[str, str],
-    modal: Modal = NO_MODAL,
-) -> dict[str, Any]:
+def page_context(parts: Parts, drawings: Iterable[Drawing], provenance: Mapping[str, str]) -> dict[str, Any]:
     """Return what a report says, by the names of its template; formulas are MathML and figures SVG.
 
     Everything but the provenance follows from the identification and its test alone.
 
     Parameters
     ----------
-    printed
-        Printed formulas held against the derivation.
     drawings
         The figures by name; those that are missing are left out of the page.
     provenance
         Name and value pairs: hashes, versions, seed, command, durations.
-    modal
-        The modal table, or why there is none.
     """
-    said = _verdict_context(subject, identification, comparison, prediction, modal)
+    subject, identification = parts.subject, parts.identification
+    prediction, modal = parts.prediction, parts.modal
+    said = _verdict_context(parts)
     usable, mean = said["state"] in USABLE, derive(identification.model.force).mean
     return {
         "title": subject.title,
@@ -178,7 +165,7 @@ def page_context(
         "held_out_table": tables.held_out_table(prediction.held_out, usable=usable)
         or tables.record_table(prediction.records),
         "elements": [_element(element, mean) for element in subject.elements],
-        "printed": list(map(_printed, printed)),
+        "printed": list(map(_printed, parts.printed)),
         "motion_formula": _formula(parse("X0 + X*sin(phi)")),
         "balance_formula": _formula(parse("k - m*omega**2")),
         "estimates_table": tables.estimate_table(identification),
@@ -195,21 +182,16 @@ def page_context(
         "background_table": tables.background_table(identification),
         "ranking_table": tables.ranking_table(identification),
         "ranking_verdict": [full_sentence(f) for f in getattr(identification.ranking, "findings", ())],
-        **_test_context(surface, identification),
+        **_test_context(parts.table, identification),
     }
 
 
-def _verdict_context(
-    subject: Subject,
-    identification: Identification,
-    comparison: Comparison,
-    prediction: Prediction,
-    modal: Modal,
-) -> dict[str, Any]:
+def _verdict_context(parts: Parts) -> dict[str, Any]:
     """Return what a result is worth, what it means, and what warns of it."""
-    verdict = verdict_of(identification, comparison, prediction)
+    subject, identification, prediction = parts.subject, parts.identification, parts.prediction
+    verdict = verdict_of(identification, parts.comparison, prediction)
     stated = sentences.state_verdict(verdict)
-    findings, ends = all_findings(identification, prediction), resonance_at_ends(identification, modal)
+    findings, ends = all_findings(identification, prediction), resonance_at_ends(identification, parts.modal)
     # what casts doubt before notes
     warnings = list(map(full_sentence, sorted(findings, key=lambda one: one.severity == "info")))
     return {
@@ -221,7 +203,7 @@ def _verdict_context(
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
         "verdict_table": tables.verdict_table(
-            comparison, mass_lines(identification, rms=subject.scale_is_sure)
+            parts.comparison, mass_lines(identification, rms=subject.scale_is_sure)
         ),
         "alternative_table": tables.alternative_table(identification),
         "meaning": [

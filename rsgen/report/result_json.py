@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -139,21 +139,33 @@ def ranking_entry(ranking: Ranking) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Parts:
+    """What page and result.json are made of: the test, what was identified, and what follows from it.
+
+    Parameters
+    ----------
+    printed
+        Printed formulas held against the derivation.
+    modal
+        The modal table, or why there is none.
+    """
+
+    subject: Subject
+    table: ResponseSurface | MultisineSpectra
+    identification: Identification
+    comparison: Comparison
+    prediction: Prediction
+    printed: Sequence[PrintedComparison] = ()
+    modal: Modal = NO_MODAL
+
+
 def fixed_entry(identification: Identification) -> dict[str, dict[str, Any]]:
     """Return values and units of what was known beforehand, by name."""
     return {one.name: {"value": one.value, "unit": one.unit} for one in identification.fixed}
 
 
-def build_result(
-    subject: Subject,
-    table: ResponseSurface | MultisineSpectra,
-    identification: Identification,
-    comparison: Comparison,
-    prediction: Prediction,
-    printed: Iterable[PrintedComparison],
-    durations: Mapping[str, float],
-    modal: Modal = NO_MODAL,
-) -> dict[str, Any]:
+def build_result(parts: Parts, durations: Mapping[str, float]) -> dict[str, Any]:
     """Return the content of result.json (schema 2); units are SI, what is not known is null.
 
     "verdict" is a ``StatedVerdict``: what the result is worth, the findings that decided, and what to do
@@ -165,12 +177,11 @@ def build_result(
     ----------
     durations
         Seconds of each stage; "surface" is how long it took to simulate or to read.
-    modal
-        The modal table, or why there is none.
     """
-    verdict = verdict_of(identification, comparison, prediction)
-    findings = all_findings(identification, prediction)
-    points, settled, entries = _entries_of(table, identification, prediction, modal, verdict.usable)
+    subject, identification, comparison = parts.subject, parts.identification, parts.comparison
+    verdict = verdict_of(identification, comparison, parts.prediction)
+    findings = all_findings(identification, parts.prediction)
+    points, settled, entries = _entries_of(parts, verdict.usable)
     weighed = identification.model_given.weighed
     return {
         "schema": SCHEMA,
@@ -195,16 +206,16 @@ def build_result(
             "relative": finite_or_none(identification.residual),
             "noise": finite_or_none(identification.noise),
         },
-        "printed": [_printed(formula) for formula in printed],
+        "printed": list(map(_printed, parts.printed)),
         "surface": {
             "points": points,
             "settled": settled,
-            "origin": table.origin,
+            "origin": parts.table.origin,
             "seconds": finite_or_none(durations.get("surface")),
         },
         "resonances": [_resonance(point) for point in identification.resonances],
         "background": _background(identification),
-        "predicted": [_predicted(curve) for curve in prediction],
+        "predicted": [_predicted(curve) for curve in parts.prediction],
         **entries,
         "ranking": None if identification.ranking is None else ranking_entry(identification.ranking),
     }
@@ -261,32 +272,25 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
     }
 
 
-def _entries_of(
-    table: ResponseSurface | MultisineSpectra,
-    identification: Identification,
-    prediction: Prediction,
-    modal: Modal,
-    usable: bool,
-) -> tuple[int, int, dict[str, Any]]:
+def _entries_of(parts: Parts, usable: bool) -> tuple[int, int, dict[str, Any]]:
     """Count all and settled points, and return the entries that only a surface has, or only spectra have."""
+    table, curve = parts.table, parts.identification.curve
     if isinstance(table, MultisineSpectra):
-        return _line_entries(table, cast("MultisineIdentification", identification), prediction, modal)
-    curve = identification.curve
+        return _line_entries(parts, table)
     entries = {
         "equivalent": {
             name: numbers_or_none(getattr(curve, name))
             for name in ("amplitude", "frequency", "stiffness", "damping")
         },
-        "dissipation": dissipation_entry(table, identification),
-        "modal": modal_entry(modal),
-        "held_out": [_held_out(item, usable) for item in prediction.held_out],
+        "dissipation": dissipation_entry(table, parts.identification),
+        "modal": modal_entry(parts.modal),
+        "held_out": [_held_out(item, usable) for item in parts.prediction.held_out],
     }
     return len(table), int(np.count_nonzero(table.settled)), entries
 
 
-def _line_entries(
-    table: MultisineSpectra, identification: MultisineIdentification, prediction: Prediction, modal: Modal
-) -> tuple[int, int, dict[str, Any]]:
+def _line_entries(parts: Parts, table: MultisineSpectra) -> tuple[int, int, dict[str, Any]]:
+    identification = cast("MultisineIdentification", parts.identification)
     # a point is an excited line of a record
     points = int(table.excited().sum())
     entries = {
@@ -300,7 +304,7 @@ def _line_entries(
             "rms_response": numbers_or_none(table.rms_response()),
         },
         "best_linear": [_best_linear(one) for one in identification.approximations],
-        "modal": modal_entry(modal),
+        "modal": modal_entry(parts.modal),
         "held_out": [
             {
                 **_finite_ones(one, ("level", "error", "noise")),
@@ -308,7 +312,7 @@ def _line_entries(
                 "lines": int(np.count_nonzero(one.judged)),
                 "said": held_out_lines([one])[0],
             }
-            for one in prediction.records
+            for one in parts.prediction.records
         ],
     }
     return points, points, entries

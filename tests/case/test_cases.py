@@ -11,7 +11,7 @@ import rsgen
 from benchmarks.table1 import table_of_results
 from rsgen import Comparison, Prediction
 from rsgen.report.provenance import Subject
-from rsgen.report.result_json import build_result, read_results, result_text
+from rsgen.report.result_json import Parts, build_result, read_results, result_text
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"))
@@ -28,10 +28,9 @@ def outcome(path: Path) -> tuple[Comparison, dict[str, Any]]:
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)
     comparison = rsgen.compare(identification, case.truth, case.accept)
-    nothing = Prediction((), (), ())
-    return comparison, build_result(
-        Subject.of_case(case, identification), surface, identification, comparison, nothing, (), {}
-    )
+    subject = Subject.of_case(case, identification)
+    parts = Parts(subject, surface, identification, comparison, Prediction((), (), ()))
+    return comparison, build_result(parts, {})
 
 
 def test_every_system_of_the_paper_has_a_case_and_others_say_that_they_are_beyond_it():

@@ -12,7 +12,7 @@ from rsgen.report import draw_all, write_index
 from rsgen.report.files import check_printed
 from rsgen.report.page import page_context, render_page
 from rsgen.report.provenance import Subject, plain_text
-from rsgen.report.result_json import build_result, result_text
+from rsgen.report.result_json import Parts, build_result, result_text
 from tests.report.browser import A4, AXE, DESK, PHONE, Page, in_browser
 from tests.report.test_report import hostile_titles, identified
 from tests.samples import cubic_case, cubic_comparison, cubic_identification, cubic_prediction, cubic_surface
@@ -39,12 +39,12 @@ def pages(tmp_path_factory):
         provenance = (
             {title or "empty": title for title in titles} if name == "hostile" else {"Versions": "rsgen"}
         )
-        parts = (subject, surface, found, comparison, prediction, printed, drawings)
-        text = render_page(page_context(*parts, provenance))
+        parts = Parts(subject, surface, found, comparison, prediction, printed)
+        text = render_page(page_context(parts, drawings, provenance))
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
         place = folder / "results" / name
         place.mkdir(parents=True)
-        result = build_result(*parts[:6], {"surface": 1.0})
+        result = build_result(parts, {"surface": 1.0})
         (place / "result.json").write_text(result_text(result), encoding="utf-8")
         return text
 

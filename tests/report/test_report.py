@@ -42,7 +42,7 @@ from rsgen.report.page import (
     resonance_course,
 )
 from rsgen.report.provenance import Subject, page_environment, plain_text
-from rsgen.report.result_json import build_result, finite_or_none, read_results, result_text
+from rsgen.report.result_json import Parts, build_result, finite_or_none, read_results, result_text
 from rsgen.report.sentences import error_text, sentence
 from tests.case_files import CUBIC, GONE, SMALL
 from tests.case_files import changed as changed_case
@@ -88,14 +88,14 @@ def drawings():
 
 def page(drawings: Sequence[Any], found: Identification = IDENTIFICATION, **changes: Any) -> str:
     subject = cubic_subject(**changes)
-    parts = (subject, SURFACE, found, COMPARISON, PREDICTION, check_printed(subject, found), drawings)
-    return render_page(page_context(*parts, {"Versions": "rsgen"}))
+    parts = Parts(subject, SURFACE, found, COMPARISON, PREDICTION, check_printed(subject, found))
+    return render_page(page_context(parts, drawings, {"Versions": "rsgen"}))
 
 
 def test_the_resonance_is_solved_once_for_all_elements(monkeypatch):
     solve, calls = report_page.smooth_backbone, list[Any]()
     monkeypatch.setattr(report_page, "smooth_backbone", lambda *given: calls.append(given) or solve(*given))
-    page_context(cubic_subject(), SURFACE, IDENTIFICATION, COMPARISON, PREDICTION, [], [], {})
+    page_context(Parts(cubic_subject(), SURFACE, IDENTIFICATION, COMPARISON, PREDICTION), [], {})
     assert len(calls) == 1
 
 
@@ -166,8 +166,10 @@ def test_a_page_says_where_higher_harmonics_part_the_points_from_the_formulas(sh
     bias = (share * (high - low) / 2, *[0.0] * (len(IDENTIFICATION.first_order) - 1))
     found = replace(IDENTIFICATION, first_order_bias=bias)
     assert IDENTIFICATION.first_order[0].name == found.refined[0].name
-    parts = (cubic_subject(), SURFACE, found, COMPARISON, PREDICTION, [], empty_drawings())
-    assert ("Higher harmonics matter in this test" in render_page(page_context(*parts, {}))) is said
+    parts = Parts(cubic_subject(), SURFACE, found, COMPARISON, PREDICTION)
+    assert (
+        "Higher harmonics matter in this test" in render_page(page_context(parts, empty_drawings(), {}))
+    ) is said
 
 
 @pytest.mark.slow
@@ -201,7 +203,8 @@ def test_a_missing_value_is_an_error():
 def result(comparison: Comparison = COMPARISON, identification: Identification = IDENTIFICATION):
     subject = Subject.of_case(cubic_case(), identification)
     printed = check_printed(subject, identification)
-    return build_result(subject, SURFACE, identification, comparison, PREDICTION, printed, {"surface": 0.5})
+    parts = Parts(subject, SURFACE, identification, comparison, PREDICTION, printed)
+    return build_result(parts, {"surface": 0.5})
 
 
 def strict(text: str) -> Any:
@@ -322,14 +325,12 @@ def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_
         refined=tuple(replace(e, value=1e6) if e.name == "kn1" else e for e in IDENTIFICATION.refined),
     )  # fmt: skip
     subject = Subject.of_result(found, "joint", "", "")
-    comparison = rsgen.compare(found)
-    result = build_result(subject, SURFACE, found, comparison, PREDICTION, (), {})
+    parts = Parts(subject, SURFACE, found, rsgen.compare(found), PREDICTION)
+    result = build_result(parts, {})
     (entry,) = result["elements"]
     assert make_element("joint", entry["force"], entry["memory"]).force == joint.force
     assert result["dissipation"]["identified"]["energy"][1] > 0
-    text = render_page(
-        page_context(subject, SURFACE, found, comparison, PREDICTION, (), empty_drawings(), {})
-    )
+    text = render_page(page_context(parts, empty_drawings(), {}))
     assert "<dt>Memory <i>z</i>′</dt>" in text
     assert "joint &lt;b&gt;" in text
     assert "stiffness 1.01 MN/m" in described(joint, found)

@@ -15,6 +15,7 @@ from rsgen.identification.results import Identification
 from rsgen.report import sentences
 from rsgen.report.page import page_context, render_page, write_index
 from rsgen.report.provenance import Subject, coded
+from rsgen.report.result_json import Parts
 from rsgen.report.sentences import NEXT_STEPS, full_sentence, next_step, state_verdict
 from tests.samples import (
     cubic_case,
@@ -43,8 +44,8 @@ def found_with(*findings: Finding) -> Identification:
 def page_of(tolerance: float | None, *findings: Finding) -> str:
     found = found_with(*findings)
     subject = Subject.of_case(cubic_case(), found)
-    parts = (subject, SURFACE, found, cubic_comparison(found, tolerance), PREDICTION, (), empty_drawings())
-    return render_page(page_context(*parts, {"Versions": "rsgen"}))
+    parts = Parts(subject, SURFACE, found, cubic_comparison(found, tolerance), PREDICTION)
+    return render_page(page_context(parts, empty_drawings(), {"Versions": "rsgen"}))
 
 
 @pytest.mark.parametrize(("tolerance", "findings", "held_out", "state", "decided"), [
