@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,23 +124,23 @@ def from_swept_sine(
     """
     several = as_histories(histories, "swept sine")
     check_options(several[0].label, band=band, mass=mass, harmonics=harmonics, points=points)
-    parts = [
-        _demodulated(history, sweep, band, bandwidth, harmonics, points)
-        for history in several
-        for sweep in find_sweeps(history, law)
-    ]
+    rule = _Rule(band, bandwidth, harmonics, points)
+    parts = [_demodulated(one, sweep, rule) for one in several for sweep in find_sweeps(one, law)]
     return _surface(parts, mass)
 
 
-def _windows(
-    history: TimeHistory,
-    sweep: Sweep,
-    band: tuple[float, float] | None,
-    bandwidth: float | None,
-    orders: int,
-    points: int,
-) -> tuple[Windows, Windows]:
+class _Rule(NamedTuple):
+    """How a sweep is demodulated, as ``from_swept_sine`` is told."""
+
+    band: tuple[float, float] | None
+    bandwidth: float | None
+    harmonics: int
+    points: int
+
+
+def _windows(history: TimeHistory, sweep: Sweep, rule: _Rule, orders: int) -> tuple[Windows, Windows]:
     """Return the windows of a sweep, and wider ones for the fundamental."""
+    band, bandwidth = rule.band, rule.bandwidth
     law, rate, size = sweep.law, history.rate, len(history)
     begin, end = sweep.begin, sweep.end
     if band is not None:
@@ -164,7 +164,7 @@ def _windows(
         f = law.frequency_at(t)
         return np.asarray(np.full_like(f, NOISE_WIDTH / bandwidth) if bandwidth else WINDOW_PERIODS / f)
 
-    t = independent_instants(length, begin, end, points)
+    t = independent_instants(length, begin, end, rule.points)
     # both windows inside the record, and two periods more
     margin = _WIDE_WINDOW * length(t) / 2 + 2 / law.frequency_at(t)
     t = t[(t > margin) & (t < size / rate - margin)]
@@ -175,22 +175,15 @@ def _windows(
     return place_windows(t * rate, length(t) * rate, period, orders, size), wide
 
 
-def _demodulated(
-    history: TimeHistory,
-    sweep: Sweep,
-    band: tuple[float, float] | None,
-    bandwidth: float | None,
-    harmonics: int,
-    points: int,
-) -> SweptPoints:
+def _demodulated(history: TimeHistory, sweep: Sweep, rule: _Rule) -> SweptPoints:
     """Return the points of a sweep: harmonics of force and response in windows along the known phase.
 
     Narrow windows resolve a resonance; wide ones, with less noise, say how far narrow ones flatten it.
     """
     law, rate = sweep.law, history.rate
     highest = float(law.frequency_at(np.array([sweep.begin, sweep.end])).max())
-    reach = highest_order(harmonics, rate, min(highest, band[1]) if band else highest)
-    narrow, wide = _windows(history, sweep, band, bandwidth, reach, points)
+    reach = highest_order(rule.harmonics, rate, min(highest, rule.band[1]) if rule.band else highest)
+    narrow, wide = _windows(history, sweep, rule, reach)
 
     def kinematics(windows: Windows, envelope: ComplexArray) -> Kinematics:
         t = windows.middle / rate
@@ -213,7 +206,7 @@ def _demodulated(
     findings += check_response(history, line, power)
     t = narrow.middle / rate
     omega = 2 * pi * law.frequency_at(t)
-    table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
+    table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, rule.harmonics)
     table[:, 1] = motion.displacement
     return SweptPoints(
         label=history.label,
