@@ -7,7 +7,7 @@ table into the object: texts with units become SI numbers, lists tuples, grids a
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, is_dataclass, replace
 from itertools import pairwise
 from math import nan
@@ -29,75 +29,6 @@ from rsgen.formula.units import quantity, sensor_unit
 # Rows of levels and frequencies: from start, stop and count, or value by value, to an ascending array.
 
 MAX_POINTS = 1_000_000
-
-
-def expand(
-    table: Any, path: str, quantity: Callable[[str, float | str], float | None], faults: list[str]
-) -> Array | None:
-    """Expand a row of positive, ascending values; faults are appended as ``path: what; what is allowed``.
-
-    Parameters
-    ----------
-    table
-        The row as the file gives it.
-    path
-        Its key, for messages.
-    quantity
-        Turns a value at a path into SI, or reports a fault and gives None.
-    faults
-        Gets one sentence for each fault.
-
-    Returns
-    -------
-    (n,) array or None
-        None where a fault was found.
-    """
-    before = len(faults)
-    bounds = ("start", "stop", "count")
-    given = [name for name in bounds if getattr(table, name) is not None]
-    if table.values is not None:
-        if given or table.spacing is not None:
-            faults.append(f"{path}: has values and {', '.join(given) or 'spacing'}; give one or the other")
-            return None
-        return _listed_levels(table.values, path, quantity, faults)
-    missing = [name for name in bounds if name not in given]
-    if missing:
-        faults.append(
-            f"{path}: {', '.join(missing)} missing; {{ start, stop, count }} or {{ values = [...] }} needed"
-        )
-    start = None if table.start is None else quantity(f"{path}.start", table.start)
-    stop = None if table.stop is None else quantity(f"{path}.stop", table.stop)
-    count = table.count
-    if len(faults) > before or start is None or stop is None or count is None or count > MAX_POINTS:
-        return None
-    if start > 0 and (start < stop if count > 1 else start == stop):
-        row = np.geomspace(start, stop, count) if table.spacing == "log" else np.linspace(start, stop, count)
-        if (np.diff(row) > 0).all():
-            return row
-    faults.append(
-        f"{path}: start {start:g}, stop {stop:g}, count {count}; ascending values above 0 are needed"
-    )
-    return None
-
-
-def _listed_levels(
-    values: list[float | str],
-    path: str,
-    quantity: Callable[[str, float | str], float | None],
-    faults: list[str],
-) -> Array | None:
-    if not values:
-        faults.append(f"{path}.values: is empty; at least one value needed")
-        return None
-    numbers = [quantity(f"{path}.values.{n}", value) for n, value in enumerate(values, start=1)]
-    known = [number for number in numbers if number is not None]
-    if len(known) < len(numbers):
-        return None
-    for position, (left, right) in enumerate(pairwise((0.0, *known)), start=1):
-        if not left < right:
-            faults.append(f"{path}.values.{position}: is {right:g}; ascending values above 0 are needed")
-            return None
-    return np.array(known)
 
 
 # ----------------------------------------------------------------------------
@@ -132,44 +63,6 @@ def path_fault(text: str) -> str | None:
     if any(len(part) > MAX_PART or part.endswith(".") or is_device(part) for part in parts):
         return f"{quote(text)} is no file name on every system; {allowed}"
     return None
-
-
-def _resolve(text: str, folders: tuple[Path, ...], key: str, faults: list[str]) -> Path:
-    for folder in folders:
-        path = folder / text
-        try:
-            there = path.exists()
-        except OSError as fault:
-            faults.append(f"{key}: cannot be looked for: {fault.strerror}; a file that may be read is needed")
-            return path
-        if there:
-            if not path.resolve().is_relative_to(folder.resolve()):
-                faults.append(f"{key}: {quote(text)} is a link out of its folder; copy the file into it")
-            return path
-    # nowhere: the case's own folder is the last, and the place to name
-    return folders[-1] / text
-
-
-def resolve_files(
-    texts: list[str], folders: tuple[Path, ...], key: str, faults: list[str]
-) -> tuple[Path, ...]:
-    """Find data files; what is wrong with a path is appended to ``faults``, after its key.
-
-    Parameters
-    ----------
-    texts
-        Relative paths, as a case has them.
-    folders
-        Where they are looked for, in this order; the last is meant when they are nowhere.
-    """
-    paths = []
-    for number, text in enumerate(texts, start=1):
-        place = key if len(texts) == 1 else f"{key}.{number}"
-        fault = path_fault(text)
-        if fault:
-            faults.append(f"{place}: {fault}")
-        paths.append(folders[-1] if fault else _resolve(text, folders, place, faults))
-    return tuple(paths)
 
 
 T = TypeVar("T")
@@ -444,6 +337,79 @@ class Maker:
                 self.faults.append(f"{place}: {one_line(fault)}")
         return made
 
+    def _files(self, texts: list[str], key: str) -> tuple[Path, ...]:
+        """Find data files by relative paths; those that are nowhere are meant in the last folder."""
+        paths = []
+        for number, text in enumerate(texts, start=1):
+            place = key if len(texts) == 1 else f"{key}.{number}"
+            fault = path_fault(text)
+            if fault:
+                self.faults.append(f"{place}: {fault}")
+            paths.append(self.folders[-1] if fault else self._file(text, place))
+        return tuple(paths)
+
+    def _file(self, text: str, key: str) -> Path:
+        for folder in self.folders:
+            path = folder / text
+            try:
+                there = path.exists()
+            except OSError as fault:
+                why = f"{fault.strerror}; a file that may be read is needed"
+                self.faults.append(f"{key}: cannot be looked for: {why}")
+                return path
+            if there:
+                if not path.resolve().is_relative_to(folder.resolve()):
+                    wrong = f"{quote(text)} is a link out of its folder; copy the file into it"
+                    self.faults.append(f"{key}: {wrong}")
+                return path
+        # nowhere: the case's own folder is the last, and the place to name
+        return self.folders[-1] / text
+
+    def _row(self, table: Any, place: str, rule: Rule) -> Array | None:
+        """Expand a row of positive, ascending values, (n,); None where a fault was found."""
+        before = len(self.faults)
+        bounds = ("start", "stop", "count")
+        given = [name for name in bounds if getattr(table, name) is not None]
+        if table.values is not None:
+            if not given and table.spacing is None:
+                return self._listed_row(table.values, f"{place}.values", rule)
+            what = ", ".join(given) or "spacing"
+            self.faults.append(f"{place}: has values and {what}; give one or the other")
+            return None
+        missing = ", ".join(name for name in bounds if name not in given)
+        if missing:
+            needed = "{ start, stop, count } or { values = [...] } needed"
+            self.faults.append(f"{place}: {missing} missing; {needed}")
+        start, stop = (
+            None if getattr(table, end) is None else self.number(f"{place}.{end}", getattr(table, end), rule)
+            for end in bounds[:2]
+        )
+        count = table.count
+        if len(self.faults) > before or start is None or stop is None or count > MAX_POINTS:
+            return None
+        if start > 0 and (start < stop if count > 1 else start == stop):
+            log = table.spacing == "log"
+            row = np.geomspace(start, stop, count) if log else np.linspace(start, stop, count)
+            if (np.diff(row) > 0).all():
+                return row
+        said = f"start {start:g}, stop {stop:g}, count {count}"
+        self.faults.append(f"{place}: {said}; ascending values above 0 are needed")
+        return None
+
+    def _listed_row(self, values: list[float | str], place: str, rule: Rule) -> Array | None:
+        if not values:
+            self.faults.append(f"{place}: is empty; at least one value needed")
+            return None
+        numbers = [self.number(f"{place}.{n}", value, rule) for n, value in enumerate(values, start=1)]
+        known = [number for number in numbers if number is not None]
+        if len(known) < len(numbers):
+            return None
+        for position, (left, right) in enumerate(pairwise((0.0, *known)), start=1):
+            if not left < right:
+                self.faults.append(f"{place}.{position}: is {right:g}; ascending values above 0 are needed")
+                return None
+        return np.array(known)
+
     def _convert(self, base: Any, rule: Rule, raw: Any, place: str) -> Any:
         if get_origin(base) is dict:
             entry: Any = get_args(base)[1]
@@ -452,13 +418,11 @@ class Maker:
             kind: Any = base
             return self.make(kind, raw, place)
         if get_origin(base) is np.ndarray:
-            return expand(
-                raw, place, lambda where, value: self.number(where, value, Rule(unit=rule.unit)), self.faults
-            )
+            return self._row(raw, place, Rule(unit=rule.unit))
         if get_origin(base) is tuple:
             inner, inner_rule, _ = read_hint(get_args(base)[0])
             if inner is Path:
-                return resolve_files(raw, self.folders, place, self.faults)
+                return self._files(raw, place)
             return tuple(
                 self._convert(inner, inner_rule, entry, f"{place}.{number}")
                 for number, entry in enumerate(raw, start=1)

@@ -371,11 +371,13 @@ class _Reader:
         except ArithmeticError:
             raise self.fault(node, f"{self.snippet(node)} has no finite real value") from None
 
-    def value(self, node: ast.expr, depth: int) -> Value:
+    def check_depth(self, node: ast.expr, depth: int) -> None:
         if depth > MAX_DEPTH:
-            raise self.fault(
-                node, f"nested more than {MAX_DEPTH} deep; at most {MAX_DEPTH} levels are allowed"
-            )
+            allowed = f"at most {MAX_DEPTH} levels are allowed"
+            raise self.fault(node, f"nested more than {MAX_DEPTH} deep; {allowed}")
+
+    def value(self, node: ast.expr, depth: int) -> Value:
+        self.check_depth(node, depth)
         match node:
             case ast.Constant():
                 return self.number(node)
@@ -521,10 +523,7 @@ class _Reader:
 
     def condition(self, node: ast.expr, depth: int) -> tuple[Any, int, int]:
         """A condition, how many comparisons it has, and how many terms stand on their sides."""
-        if depth > MAX_DEPTH:
-            raise self.fault(
-                node, f"nested more than {MAX_DEPTH} deep; at most {MAX_DEPTH} levels are allowed"
-            )
+        self.check_depth(node, depth)
         match node:
             case ast.BoolOp():
                 parts, both = node.values, isinstance(node.op, ast.And)
