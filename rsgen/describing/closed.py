@@ -126,15 +126,11 @@ def _derivative(kind: type, order: int, z: sympy.Expr) -> sympy.Expr:
     return total / 2**order
 
 
-def _integrand_is_odd(kind: type, power: int) -> bool:
-    """Decide whether s**power f(z s) is odd in s, so that its integral over both signs of s is zero."""
-    return kind in ((sympy.cos, sympy.cosh) if power % 2 else (sympy.sin, sympy.sinh))
-
-
 def _over_cycle(kind: type, m: int, z: sympy.Expr) -> sympy.Expr:
     """Integrate sin**m f(z sin(phi)) over a cycle."""
     odd = m % 2
-    if _integrand_is_odd(kind, m):
+    if kind in ((sympy.cos, sympy.cosh) if odd else (sympy.sin, sympy.sinh)):
+        # odd in s, so that both signs of s cancel
         return sympy.S.Zero
     sign = (-1) ** ((m + odd) // 2) if kind in _CIRCULAR else 1
     return 2 * sympy.pi * sign * _derivative(kind, m, z)
@@ -308,16 +304,6 @@ _TOP = End(sympy.pi / 2, sympy.S.One, sympy.S.Zero)
 _CENTRE = End(sympy.S.Zero, sympy.S.Zero, sympy.S.One)
 
 
-def _mirrored(end: End) -> End:
-    """Return the falling end pi - alpha of an x-switch."""
-    return End(sympy.pi - end.angle, end.sine, -end.cosine)
-
-
-def _negated(end: End) -> End:
-    """Return the rising end -beta of a v-switch."""
-    return End(-end.angle, -end.sine, end.cosine)
-
-
 @lru_cache(maxsize=1024)
 def make_arc(x: sympy.Expr | None, v: sympy.Expr | None, centred: bool) -> Arc | None:
     """Find the arcs of a piece; ``centred`` says that the mean X0 is zero."""
@@ -328,9 +314,11 @@ def make_arc(x: sympy.Expr | None, v: sympy.Expr | None, centred: bool) -> Arc |
         bottom = End(-sympy.pi / 2, -sympy.S.One, sympy.S.Zero)
         spans = ((bottom, End(3 * sympy.pi / 2, -sympy.S.One, sympy.S.Zero)),)
     elif v_end is None and x_end is not None:
-        spans = ((x_end, _mirrored(x_end)),)
+        # it falls at pi - alpha
+        spans = ((x_end, End(sympy.pi - x_end.angle, x_end.sine, -x_end.cosine)),)
     elif x_end is None and v_end is not None:
-        spans = ((_negated(v_end), v_end),)
+        # it rises at -beta
+        spans = ((End(-v_end.angle, -v_end.sine, v_end.cosine), v_end),)
     elif v_end is _TOP and x_end is not None:
         spans = ((x_end, _TOP),)
     else:
@@ -345,22 +333,11 @@ _ANGLE, _SINE, _COSINE = sympy.symbols("angle sine cosine", real=True)
 @lru_cache(maxsize=4096)
 def antiderivative(m: int, n: int) -> sympy.Expr:
     """Integrate sin**m cos**n, as a polynomial in the angle, its sine and its cosine."""
-    if n % 2:
-        k = (n - 1) // 2
-        return sympy.Add(
-            *(
-                sympy.binomial(k, r) * (-1) ** r * _SINE ** (m + 2 * r + 1) / (m + 2 * r + 1)
-                for r in range(k + 1)
-            )
-        )
-    if m % 2:
-        k = (m - 1) // 2
-        return -sympy.Add(
-            *(
-                sympy.binomial(k, r) * (-1) ** r * _COSINE ** (n + 2 * r + 1) / (n + 2 * r + 1)
-                for r in range(k + 1)
-            )
-        )
+    if n % 2 or m % 2:
+        # by powers of the other one, whose derivative the odd power has
+        odd, other, base, sign = (n, m, _SINE, 1) if n % 2 else (m, n, _COSINE, -1)
+        parts = ((sympy.binomial(odd // 2, r) * (-1) ** r, other + 2 * r + 1) for r in range(odd // 2 + 1))
+        return sign * sympy.Add(*(factor * base**power / power for factor, power in parts))
     if m:
         return sympy.expand(
             -(_SINE ** (m - 1)) * _COSINE ** (n + 1) / (m + n)

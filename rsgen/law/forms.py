@@ -7,7 +7,7 @@ H(x - a) H(x - b) = H(x - max(a, b)) and H(-s) = 1 - H(s), sums and products of 
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, reduce
 from math import comb, prod
 from typing import NamedTuple
 
@@ -255,7 +255,7 @@ def complement(form: Form) -> Form:
     return add(constant(1), scale(form, -1))
 
 
-def multiply(left: Form, right: Form) -> Form:
+def multiply(*forms: Form) -> Form:
     """Multiply forms, merging steps in the same variable.
 
     Raises
@@ -263,17 +263,18 @@ def multiply(left: Form, right: Form) -> Form:
     ExpressionError
         The product has more pieces than any sensible law.
     """
-    if len(left) * len(right) > 8 * MAX_PIECES:
-        raise ExpressionError(
-            f"law: more than {MAX_PIECES} pieces behind switches; write it with fewer abs, sign, Min, Max"
-        )
-    products = [
+    return reduce(_multiply_two, forms, constant(1))
+
+
+def _multiply_two(left: Form, right: Form) -> Form:
+    too_many = len(left) * len(right) > 8 * MAX_PIECES
+    products = (
         {Key(_larger(a.x, b.x), _larger(a.v, b.v), a.others | b.others, a.signs | b.signs): expanded(f * g)}
         for a, f in left.items()
         for b, g in right.items()
-    ]
-    product = add(*products)
-    if len(product) > MAX_PIECES:
+    )
+    product = {} if too_many else add(*products)
+    if too_many or len(product) > MAX_PIECES:
         raise ExpressionError(
             f"law: more than {MAX_PIECES} pieces behind switches; write it with fewer abs, sign, Min, Max"
         )

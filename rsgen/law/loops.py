@@ -248,7 +248,7 @@ class _Recurrence:
         right = _product(self.inverse, right)
         unit = np.eye(size)
         # blocks of samples in parallel, each with its own initial value, so that loops of Python are short
-        length = _block_length(samples)
+        length = next(divisor for divisor in range(int(samples**0.5), 0, -1) if samples % divisor == 0)
         blocks = samples // length
         forward = self.forward.reshape(blocks, length, *self.forward.shape[1:])
         sources = right.reshape(blocks, length, *right.shape[1:])
@@ -280,14 +280,6 @@ def _closing(gain: Array, ends: Array) -> Array:
     begin = np.full(right.shape, np.nan)
     begin[good] = np.linalg.pinv(bound[good])[:, :, :size] @ right[good]
     return np.moveaxis(begin, 0, -1)
-
-
-def _block_length(samples: int) -> int:
-    """Return the divisor of a number of samples that is next to its root."""
-    length = int(samples**0.5)
-    while samples % length:
-        length -= 1
-    return length
 
 
 def _product(matrix: Array, right: Array) -> Array:
@@ -516,7 +508,7 @@ class Loops:
             memory.append(_quarter_later(x))
             rates.append(_quarter_later(v))
             moved.append([])
-            perturb.append((1, _perturb_lag))
+            perturb.append((1, lambda dx, dv: np.broadcast_to(_quarter_later(dx), (1, *dv.shape))))
         sums = self._force((x, v, *memory), (v, a, *rates), step, values)
         by_parameter = list(sums[3 + len(memory) :])
         for slope, changes in zip(sums[3:], moved, strict=False):
@@ -537,10 +529,6 @@ def _quarter_later(signal: Array) -> Array:
     if samples % 2 == 0:
         spectrum[..., -1] = 0
     return np.asarray(np.fft.irfft(spectrum, samples))
-
-
-def _perturb_lag(dx: Array, dv: Array) -> Array:
-    return np.broadcast_to(_quarter_later(dx), (1, *dv.shape))
 
 
 @lru_cache(maxsize=256)

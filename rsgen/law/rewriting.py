@@ -162,11 +162,7 @@ def _longest(number: sympy.Rational) -> int:
 @lru_cache(maxsize=4096)
 def sign_of_smooth(function: sympy.Expr) -> Form:
     """Return sign(s) of a function without switches of its own, as a form."""
-    sign = constant(1)
-    for factor, order in _factors(function):
-        if order % 2:
-            sign = multiply(sign, _sign_of_factor(factor))
-    return sign
+    return multiply(*(_sign_of_factor(factor) for factor, order in _factors(function) if order % 2))
 
 
 def step_of_smooth(function: sympy.Expr) -> Form:
@@ -224,10 +220,7 @@ def _form(expression: sympy.Expr) -> Form:
     if expression.is_Add:
         return add(*map(_form, expression.args))
     if expression.is_Mul:
-        product = constant(1)
-        for factor in expression.args:
-            product = multiply(product, _form(factor))
-        return product
+        return multiply(*map(_form, expression.args))
     if expression.is_Pow:
         return _power(expression)
     if isinstance(expression, sympy.Abs):
@@ -262,10 +255,7 @@ def _power(power: sympy.Pow) -> Form:
             inner = base.args[0]
             even = inner ** (exponent - exponent % 2)
             return multiply(_form(even), _absolute(inner)) if exponent % 2 else _form(even)
-        form, product = _form(base), constant(1)
-        for _ in range(int(exponent)):
-            product = multiply(product, form)
-        return product
+        return multiply(*[_form(base)] * int(exponent))
     if exponent.is_Integer and isinstance(base, sympy.Abs):
         inner = base.args[0]
         if not _switches(inner):
@@ -277,12 +267,9 @@ def _power(power: sympy.Pow) -> Form:
         return constant(sympy.Abs(coefficient) ** exponent * sympy.Abs(rest) ** exponent)
     if base.is_Mul:
         signless = [f for f in base.args if f.is_nonnegative]
-        rest = sympy.Mul(*(f for f in base.args if not f.is_nonnegative))
         if signless:
-            product = constant(1) if rest == 1 else _power_of(rest, exponent)
-            for factor in signless:
-                product = multiply(product, _power_of(factor, exponent))
-            return product
+            rest = sympy.Mul(*(f for f in base.args if not f.is_nonnegative))
+            return multiply(*(_form(factor**exponent) for factor in (rest, *signless)))
     form = _form(base)
     if len(form) == 1 and ALWAYS not in form and not exponent.is_nonpositive:
         ((key, term),) = form.items()
@@ -293,11 +280,6 @@ def _power(power: sympy.Pow) -> Form:
             ]
             return {key: sympy.Mul(*factors)}
     return constant(_within(power))
-
-
-def _power_of(base: sympy.Expr, exponent: sympy.Expr) -> Form:
-    power = base**exponent
-    return _form(power)
 
 
 def _absolute(inner: sympy.Expr) -> Form:
@@ -318,9 +300,7 @@ def _step(inner: sympy.Expr) -> Form:
     if not _switches(inner):
         return step_of_smooth(inner)
     symmetric = _step_of_distance(inner)
-    if symmetric is not None:
-        return symmetric
-    return _step_by_cases(_form(inner))
+    return _step_by_cases(_form(inner)) if symmetric is None else symmetric
 
 
 def _step_of_distance(inner: sympy.Expr) -> Form | None:
@@ -428,11 +408,8 @@ def _condition(condition: sympy.Basic) -> Form:
         return complement(_condition(condition.args[0]))
     if isinstance(condition, sympy.And | sympy.Or):
         negate = isinstance(condition, sympy.Or)
-        product = constant(1)
-        for part in condition.args:
-            form = _condition(part)
-            product = multiply(product, complement(form) if negate else form)
-        return complement(product) if negate else product
+        parts = map(_condition, condition.args)
+        return complement(multiply(*map(complement, parts))) if negate else multiply(*parts)
     if isinstance(condition, sympy.Rel):
         return _step(condition.gts - condition.lts)
     raise ExpressionError(f"law: {condition}: no condition; use <, <=, >, >= with & and |")
@@ -443,11 +420,9 @@ def _function(function: sympy.Expr) -> Form:
     if len(function.args) == 1:
         (argument,) = function.args
         coefficient, rest = split_moving(argument, as_Add=False)
-        if isinstance(rest, sympy.Abs) and isinstance(function, _EVEN):
-            return _form(function.func(coefficient * rest.args[0]))
-        if isinstance(rest, sympy.Abs) and isinstance(function, _ODD):
-            odd = function.func(coefficient * rest.args[0])
-            return multiply(_form(odd), _sign(rest.args[0]))
+        if isinstance(rest, sympy.Abs) and isinstance(function, _EVEN + _ODD):
+            smooth = _form(function.func(coefficient * rest.args[0]))
+            return smooth if isinstance(function, _EVEN) else multiply(smooth, _sign(rest.args[0]))
         form = _form(argument)
         if len(form) == 1 and ALWAYS not in form:
             ((key, term),) = form.items()
