@@ -180,14 +180,12 @@ class Addend:
     def integral(self, arc: Arc, mean: sympy.Expr, i: int, j: int) -> sympy.Expr | None:
         """Integrate the addend times sin**i cos**j over an arc; None if there is no closed form."""
         real_powers = not (self.p.is_zero and self.q.is_zero)
-        wave = self.wave_x or self.wave_v
-        if wave is not None:
-            if real_powers or arc.x is not None or arc.v is not None:
-                return None
-            return self._expanded(self._wave_moment(wave, mean), mean, i, j)
-        if not real_powers:
-            return self._expanded(lambda i, j: integral_over(arc, i, j), mean, i, j)
-        moment = self._quarters(arc, mean)
+        moment: Moment | None = None
+        if wave := self.wave_x or self.wave_v:
+            if not real_powers and arc.x is None and arc.v is None:
+                moment = self._wave_moment(wave, mean)
+        else:
+            moment = self._quarters(arc, mean) if real_powers else partial(integral_over, arc)
         return None if moment is None else self._expanded(moment, mean, i, j)
 
     def _expanded(self, moment: Moment, mean: sympy.Expr, i: int, j: int) -> sympy.Expr:
@@ -365,7 +363,7 @@ def integral_over(arc: Arc, m: int, n: int) -> sympy.Expr:
 MAX_TERMS = 150
 """Largest number of terms of a closed form; a longer one would take many seconds, quadrature less."""
 
-Triple = tuple[sympy.Expr, sympy.Expr, sympy.Expr]
+Triple = tuple[sympy.Expr, ...]
 """Stiffness [N/m], damping [N s/m] and mean force [N]."""
 
 
@@ -379,10 +377,7 @@ class ClosedPart:
     @property
     def total(self) -> Triple:
         """The sum over all arcs, in atoms."""
-        stiffness, damping, force = (
-            sympy.Add(*(triple[place] for _, triple in self.parts)) for place in range(3)
-        )
-        return stiffness, damping, force
+        return tuple(sympy.Add(*(triple[place] for _, triple in self.parts)) for place in range(3))
 
     def evaluate(
         self, X_: Array, mean: Array, omega: Array, values: Mapping[sympy.Symbol, Array]
@@ -460,11 +455,8 @@ def close(form: NormalForm, mean: sympy.Expr) -> ClosedPart | None:
             if triple is None:
                 return None
             parts.setdefault(arc, []).append(triple)
-    summed = []
-    for arc, triples in parts.items():
-        total = tuple(sympy.Add(*column) for column in zip(*triples, strict=True))
-        summed.append((arc, (total[0], total[1], total[2])))
-    return ClosedPart(tuple(summed), mean)
+    summed = (tuple(sympy.Add(*column) for column in zip(*own, strict=True)) for own in parts.values())
+    return ClosedPart(tuple(zip(parts, summed, strict=True)), mean)
 
 
 def _length(term: sympy.Expr, arc: Arc) -> int:
@@ -488,8 +480,5 @@ def _triple(addend: sympy.Expr, arc: Arc, mean: sympy.Expr) -> Triple | None:
     if sine is None or cosine is None or constant is None:
         return None
     weights = (1 / (sympy.pi * X), 1 / (sympy.pi * OMEGA * X), 1 / (2 * sympy.pi))
-    stiffness, damping, force = (
-        sympy.expand_mul(weight * part)
-        for weight, part in zip(weights, (sine, cosine, constant), strict=True)
-    )
-    return stiffness, damping, force
+    parts = zip(weights, (sine, cosine, constant), strict=True)
+    return tuple(sympy.expand_mul(weight * part) for weight, part in parts)

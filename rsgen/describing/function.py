@@ -240,7 +240,9 @@ class DescribingFunction(Brief):
             closed, remainder = None, self.force
         total = [np.zeros(X.shape) for _ in range(3)]
         if closed is not None:
-            named = {self._name(name): value for name, value in values.items()}
+            # in the closed part some symbols are known as positive
+            places = {name: sympy.Symbol(name, positive=True) for name in self.positive}
+            named = {places.get(name, symbol(name)): value for name, value in values.items()}
             total = [np.array(part) for part in closed.evaluate(X, mean, omega, named)]
         if remainder != 0:
             symbols = tuple(symbol(name) for name in self.parameters)
@@ -287,10 +289,6 @@ class DescribingFunction(Brief):
             f"memory: the loop of {', '.join(self.memory)} {fact} at X = {X:.4g} m, "
             f"omega = {omega:.4g} rad/s: under this sine it {reason}"
         )
-
-    def _name(self, name: str) -> sympy.Symbol:
-        """Return the symbol that stands for a parameter in the closed part."""
-        return sympy.Symbol(name, positive=True) if name in self.positive else symbol(name)
 
     def _numbers(self, values: Mapping[str, float]) -> dict[str, Array]:
         missing = [name for name in self.parameters if name not in values]

@@ -18,7 +18,7 @@ import sympy
 
 from rsgen.common.arrays import Array
 from rsgen.describing.closed import MAX_POWER, quarter
-from rsgen.describing.quadrature import Cycle, Projections, project
+from rsgen.describing.quadrature import Cycle, Projections, has_real_powers, project
 from rsgen.describing.regimes import Reading, tidy
 from rsgen.formula.evaluation import compiled
 from rsgen.formula.names import OMEGA, STATE_V, STATE_X, X0, X, symbol
@@ -36,7 +36,7 @@ from rsgen.law.normal_form import normal_form
 
 def _virgin_at(virgin: sympy.Expr, place: sympy.Expr) -> sympy.Expr:
     """Return the virgin curve at a displacement that is known as not negative."""
-    if any(not power.exp.is_Integer for power in virgin.atoms(sympy.Pow) if power.base is not sympy.E):
+    if has_real_powers(virgin):
         # round-off must not make a root of something negative
         place = sympy.Abs(place)
     return virgin.xreplace({STATE_X: place})
@@ -244,17 +244,11 @@ def _addend(addend: sympy.Expr, level: sympy.Expr | None) -> Pair | None:
         return scale * weight, energy
     if not (2 * power).is_Integer:
         return None
-    weight = _behind(power, level)
+    # J in angle, root and cosine at the threshold
+    rise = _rise(power + sympy.S.Half, level)
+    weight = -rise if power.is_zero else -(rise + power * _whole(power, level)) / (power + 1)
     grown = (X ** (power + 1) - level ** (power + 1)) / (power + 1)
     return scale * weight, coefficient * (8 * grown - 4 * X ** (power + 1))
-
-
-def _behind(power: sympy.Expr, level: sympy.Expr) -> sympy.Expr:
-    """Return J in angle, root and cosine at the threshold."""
-    first = _rise(power + sympy.S.Half, level)
-    if power.is_zero:
-        return -first
-    return -(first + power * _whole(power, level)) / (power + 1)
 
 
 def _rise(half: sympy.Expr, level: sympy.Expr) -> sympy.Expr:

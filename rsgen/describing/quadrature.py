@@ -154,7 +154,7 @@ def _some(cycle: Cycle, rows: slice | NDArray[np.intp]) -> Cycle:
     return Cycle(cycle.X[rows], cycle.mean[rows], cycle.omega[rows], tuple(p[rows] for p in cycle.parameters))
 
 
-def _has_real_powers(force: sympy.Expr) -> bool:
+def has_real_powers(force: sympy.Expr) -> bool:
     """Decide whether the law has real powers, which need nodes that crowd at the ends of intervals."""
     return any(not power.exp.is_Integer for power in force.atoms(sympy.Pow) if power.base is not sympy.E)
 
@@ -243,7 +243,7 @@ def _project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cyc
     if in_v and not in_x:
         first, last = 0.0, np.pi
     double = 1.0 if in_x and in_v else 2.0
-    crowded = _has_real_powers(force)
+    crowded = has_real_powers(force)
     rows, start, stop = _intervals(switching_angles(normal_form(force), parameters, cycle), first, last)
     # the parts of these intervals that are still inaccurate, as shares of them
     low, high = np.zeros(len(rows)), np.ones(len(rows))

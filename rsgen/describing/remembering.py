@@ -62,16 +62,11 @@ class Parts:
 
     @property
     def centred(self) -> bool:
-        """True if the force of ``loop`` has no mean about X0 = 0."""
-        return self.loop == 0 or _is_odd(self.loop, self.memory)
-
-
-def _is_odd(force: sympy.Expr, memory: MemoryForm) -> bool:
-    """Decide whether a force and the equations of the states are odd in x, v and the memories."""
-    expressions = (force, *(rate.rate for rate in memory.rates))
-    moving = (STATE_X, STATE_V, *memory.states)
-    others = sorted(set().union(*(e.free_symbols for e in expressions)) - set(moving), key=str)
-    return all(is_mirrored(expression, moving, others, -1.0) for expression in expressions)
+        """True if the force of ``loop`` has no mean about X0 = 0: it and the equations of states are odd."""
+        expressions = (self.loop, *(rate.rate for rate in self.memory.rates)) if self.loop != 0 else ()
+        moving = (STATE_X, STATE_V, *self.memory.states)
+        others = sorted(set().union(*(e.free_symbols for e in expressions)) - set(moving), key=str)
+        return all(is_mirrored(expression, moving, others, -1.0) for expression in expressions)
 
 
 def split_by_memory(memory: MemoryForm) -> Parts:

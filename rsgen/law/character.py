@@ -140,9 +140,8 @@ def scaled_groups(
     groups: list[tuple[int, ...]] = []
     for size in range(1, MAX_GROUP_SIZE + 1):
         for chosen in combinations(free, size):
-            if set(chosen) & {i for group in groups for i in group}:
-                continue
-            if is_scaled(chosen, linear):
+            taken = {i for group in groups for i in group}
+            if not taken & set(chosen) and is_scaled(chosen, linear):
                 groups.append(chosen)
     return tuple(groups)
 

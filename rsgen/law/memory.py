@@ -100,10 +100,6 @@ _FIXED = ("t", "X", "X0", "omega", "F")
 """Names with a fixed meaning on which a law cannot depend."""
 
 
-def _inner(name: str) -> Inner:
-    return Inner(name, real=True)
-
-
 @dataclass(frozen=True, slots=True)
 class Rate:
     """A state with an equation: z' = g(x, v, z; p), all states in g as ``Inner``."""
@@ -170,7 +166,7 @@ def with_memory(force: sympy.Expr, memory: Mapping[str, str | sympy.Expr]) -> sy
         raise ExpressionError(
             f"memory: {memory!r:.80}; must be a mapping of states to equations, {{'z': 'a*v'}}"
         )
-    rates = {_state(name): _rate(name, text) for name, text in memory.items()}
+    rates = dict(_equation(name, text) for name, text in memory.items())
     used = force.free_symbols
     for _ in rates:
         used = used.union(*(rates[z].free_symbols for z in rates if z in used))
@@ -203,16 +199,10 @@ def read_formula(formula: str | sympy.Expr | float) -> sympy.Expr:
     return sympy.sympify(formula)
 
 
-def _state(name: str) -> sympy.Symbol:
+def _equation(name: str, text: str | sympy.Expr) -> tuple[sympy.Symbol, sympy.Expr]:
+    """Return a state and g of its equation."""
     try:
-        return symbol(check_name(name))
-    except ExpressionError as fault:
-        raise ExpressionError(f"memory.{name}: {fault}") from None
-
-
-def _rate(name: str, text: str | sympy.Expr) -> sympy.Expr:
-    try:
-        rate = read_formula(text)
+        state, rate = symbol(check_name(name)), read_formula(text)
     except ExpressionError as fault:
         raise ExpressionError(f"memory.{name}: {fault}") from None
     if remembers(rate):
@@ -223,7 +213,7 @@ def _rate(name: str, text: str | sympy.Expr) -> sympy.Expr:
             f"memory.{name}: depends on {', '.join(foreign)}; an equation of a state is written in x, v, "
             "states and parameters"
         )
-    return rate
+    return state, rate
 
 
 def rates_of(force: sympy.Expr) -> dict[sympy.Symbol, sympy.Expr]:
@@ -265,15 +255,15 @@ def memory_form(force: sympy.Expr) -> MemoryForm | None:
     if clash:
         raise ExpressionError(f"{', '.join(clash)}: a state and a parameter have this name; rename one")
     places: dict[sympy.Expr, sympy.Expr] = {}
-    inner = {z: _inner(str(z)) for z in rates}
+    inner = {z: Inner(str(z), real=True) for z in rates}
     for state in force.atoms(State):
         places[state] = inner[state.args[0]]
     curves = []
     for number, curve in enumerate(sorted(force.atoms(Masing), key=sympy.default_sort_key), start=1):
         check_virgin(curve.args[0])
-        curves.append(Curve(_inner(_free(f"masing_{number}", inner)), curve.args[0]))
+        curves.append(Curve(_free(f"masing_{number}", inner), curve.args[0]))
         places[curve] = curves[-1].symbol
-    lag = _inner(_free("lag", inner)) if force.has(Structural) else None
+    lag = _free("lag", inner) if force.has(Structural) else None
     for damping in force.atoms(Structural):
         if damping.args[0].free_symbols & {symbol("x"), symbol("v")} or remembers(damping.args[0]):
             raise ExpressionError(f"{write(damping)}: structural(h) takes a stiffness h, without x and v")
@@ -337,11 +327,11 @@ def from_rest(form: MemoryForm) -> sympy.Expr:
     return form.force.xreplace(places)
 
 
-def _free(name: str, states: Mapping[sympy.Symbol, Inner]) -> str:
-    """Lengthen a name until no state has it."""
+def _free(name: str, states: Mapping[sympy.Symbol, Inner]) -> Inner:
+    """Return a symbol with a name that is lengthened until no state has it."""
     while symbol(name) in states:
         name += "_"
-    return name
+    return Inner(name, real=True)
 
 
 def constant_terms(force: sympy.Expr) -> tuple[str, ...]:

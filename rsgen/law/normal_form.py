@@ -443,16 +443,13 @@ def switched_sum(
     outputs: list[sympy.Expr] = []
     variables = (*moving, *parameters)
 
-    def emit(expression: sympy.Expr) -> int | None:
-        if expression == 0:
-            return None
+    def emit(expression: sympy.Expr) -> int:
         outputs.append(expression)
         return len(outputs) - 1
 
     def emit_with_slopes(expression: sympy.Expr) -> tuple[int, tuple[int | None, ...]]:
-        outputs.append(expression)
-        value = len(outputs) - 1
-        return value, tuple(emit(slope_between_jumps(expression, p)) for p in variables)
+        value, slopes = emit(expression), (slope_between_jumps(expression, p) for p in variables)
+        return value, tuple(None if slope == 0 else emit(slope) for slope in slopes)
 
     steps = [_Step(*emit_with_slopes(function)) for function in switches]
     terms = [
