@@ -272,12 +272,9 @@ def _force(identification: Identification, key: str, values: Mapping[str, float]
         amplitude = np.geomspace(float(size.min()), float(size.max()), _LOOPS)
         omega = np.full(_LOOPS, 2 * np.pi * float(np.median(curve.frequency[chosen])))
         return law.along(sine_motion(omega, amplitude), point, _FORCE_POINTS - 1).force
-    rest = np.zeros(_FORCE_POINTS)
-    if key == "stiffness_force":
-        reach = np.linspace(-1, 1, _FORCE_POINTS) * float(size.max())
-        x, v = reach, rest
-    else:
-        reach = np.linspace(-1, 1, _FORCE_POINTS) * float((2 * np.pi * curve.frequency[chosen] * size).max())
-        x, v = rest, reach
+    rest, shares = np.zeros(_FORCE_POINTS), np.linspace(-1, 1, _FORCE_POINTS)
+    x, v = shares * float(size.max()), rest
+    if key == "damping_force":
+        x, v = rest, shares * float((2 * np.pi * curve.frequency[chosen] * size).max())
     # half a step at zero would leave a jump's mean value there, for both forces alike
     return law.force(x, v, point) - law.force(rest, rest, point)

@@ -316,18 +316,17 @@ def compare_fits(
     """
     if isinstance(names, Identification):
         raise RsgenError("names: Identification; give a list of fits: compare_fits([one, other])")
-    fits = _with_alternatives(found) if isinstance(found, Identification) else _one_by_one(found)
+    if isinstance(found, Identification):
+        fits = _with_alternatives(found)
+    else:
+        require(found, Sequence, "found")
+        for one in found:
+            require(one, Identification, "found")
+        fits = [ComparedFit.of(one, str(number)) for number, one in enumerate(found, 1)]
     heads = [fit.name for fit in fits] if names is None else [*map(str, names)]
     if not fits or len(heads) != len(fits):
         raise RsgenError(f"names: {len(heads)} of {len(fits)} fits; give one or more fits, and each a name")
     return FitComparison(tuple(replace(fit, name=head) for fit, head in zip(fits, heads, strict=True)))
-
-
-def _one_by_one(found: Sequence[Identification]) -> list[ComparedFit]:
-    require(found, Sequence, "found")
-    for one in found:
-        require(one, Identification, "found")
-    return [ComparedFit.of(one, str(number)) for number, one in enumerate(found, 1)]
 
 
 def _with_alternatives(found: Identification) -> list[ComparedFit]:

@@ -38,12 +38,18 @@ _STABLE_STEP = 2.0
 """Step times rate up to which the method of Runge and Kutta is stable, with a margin: the limit is 2.78."""
 
 
+def _at_values(oscillator: Oscillator, formulas: tuple[sympy.Expr, ...], *states: sympy.Symbol) -> Numeric:
+    """Compile formulas as functions of some states, the parameters at the values of an oscillator."""
+    function = compiled(formulas, (*states, *map(symbol, oscillator.parameters)))
+    values = [oscillator.values[name] for name in oscillator.parameters]
+    return lambda *places: function(*places, *values)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Stiffness:
     """How fast the states of a law follow the motion: -dg/dz of each equation z' = g."""
 
     slopes: Numeric
-    values: tuple[float, ...]
 
     @classmethod
     def of(cls, oscillator: Oscillator) -> Stiffness | None:
@@ -53,13 +59,11 @@ class Stiffness:
             return None
         at_rest = {rate.symbol: sympy.S.Zero for rate in memory.rates}
         slopes = tuple(sympy.diff(rate.rate, rate.symbol).subs(at_rest) for rate in memory.rates)
-        names = oscillator.parameters
-        arguments = (symbol("x"), symbol("v"), *(symbol(name) for name in names))
-        return cls(compiled(slopes, arguments), tuple(oscillator.values[name] for name in names))
+        return cls(_at_values(oscillator, slopes, symbol("x"), symbol("v")))
 
     def steps(self, amplitude: Array, omega: Array) -> Array:
         """Steps a period (k,) that motions of an amplitude (k,) [m] need to stay stable."""
-        rates = self.slopes(amplitude, omega * amplitude, *self.values)
+        rates = self.slopes(amplitude, omega * amplitude)
         fastest = np.max([np.abs(np.nan_to_num(rate)) + 0 * omega for rate in rates], axis=0)
         return np.asarray(2 * np.pi / omega * fastest / _STABLE_STEP)
 
@@ -73,10 +77,9 @@ def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -
     memory = memory_form(oscillator.force)
     if memory is None or not memory.rates:
         return None
-    names, states = oscillator.parameters, [rate.symbol for rate in memory.rates]
-    rates = compiled(
-        tuple(rate.rate for rate in memory.rates),
-        (symbol("x"), symbol("v"), *states, *(symbol(name) for name in names)),
+    states = [rate.symbol for rate in memory.rates]
+    rates = _at_values(
+        oscillator, tuple(rate.rate for rate in memory.rates), symbol("x"), symbol("v"), *states
     )
     w = float(np.median(omega))
     size = float(np.median(np.abs(force))) / (oscillator.mass * w * w)
@@ -85,12 +88,11 @@ def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -
     count = len(states)
     offsets = np.zeros((2 + count, 2 + count))
     offsets[0, 0], offsets[1, 1] = x, w * x
-    values = [oscillator.values[name] for name in names]
     units = np.zeros(count)
     for _ in range(1 + count):
         offsets[2:, 2:] = np.diag(units * x)
         up, down = (
-            np.array([np.broadcast_to(rate, 2 + count) for rate in rates(*places, *values)])
+            np.array([np.broadcast_to(rate, 2 + count) for rate in rates(*places)])
             for places in (offsets, -offsets)
         )
         steps = np.abs(up - down) / (2 * x)
@@ -260,10 +262,8 @@ class Sticking:
         reach = _first_corner(virgin, oscillator)
         if not np.isfinite(reach):
             return None
-        names = oscillator.parameters
-        force = compiled((virgin,), (symbol("x"), *map(symbol, names)))
-        values = [oscillator.values[name] for name in names]
-        end, *between = force(reach * np.append(1.0, _PLACES), *values)[0]
+        force = _at_values(oscillator, (virgin,), symbol("x"))
+        end, *between = force(reach * np.append(1.0, _PLACES))[0]
         straight = end > 0 and np.abs(between - _PLACES * end).max() < ROUND_OFF * end
         return cls(end / reach, reach) if straight else None
 
@@ -276,9 +276,7 @@ def _first_corner(virgin: sympy.Expr, oscillator: Oscillator) -> float:
     """Displacement [m] of the first corner of a virgin curve; infinite where it has none."""
     switches = normal_form_at(real_powers(virgin), oscillator.values).switches
     places = tuple(switch.threshold for switch in switches if switch.threshold is not None)
-    names = oscillator.parameters
-    found = compiled(places, tuple(map(symbol, names)))(*(oscillator.values[name] for name in names))
-    return min((float(place) for place in found if place > 0), default=np.inf)
+    return min((float(place) for place in _at_values(oscillator, places)() if place > 0), default=np.inf)
 
 
 # ----------------------------------------------------------------------------

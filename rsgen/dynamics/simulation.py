@@ -9,8 +9,7 @@ amplitude or lag given (``controlled``); lines of a multisine (``periodic_respon
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import singledispatch
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
@@ -52,7 +51,7 @@ def simulate(
 
 @known_arguments
 def simulate(
-    oscillator: Oscillator, test: VirtualTest, *, progress: Progress = None
+    oscillator: Oscillator, test: SimulatedTest | HistoryTest | MultisineTest, *, progress: Progress = None
 ) -> ResponseSurface | MultisineSpectra:
     """Run a virtual test: the grid of levels and frequencies, level by level, or the records of another.
 
@@ -84,11 +83,14 @@ def simulate(
     fault = free_mean_fault(oscillator, test)
     if fault:
         raise RsgenError(f"law: {fault}")
+    if isinstance(test, MultisineTest):
+        return rsgen.dynamics.simulate_multisine(oscillator, test)
+    if isinstance(test, HistoryTest):
+        return test.simulated(oscillator, progress)
     return _simulated(test, oscillator, progress)
 
 
-@singledispatch
-def _simulated(test: Any, oscillator: Oscillator, progress: Progress) -> ResponseSurface | MultisineSpectra:
+def _simulated(test: SimulatedTest, oscillator: Oscillator, progress: Progress) -> ResponseSurface:
     """Simulate a test of sines: solve the states at each level and frequency, then add noise."""
     level, frequency = grid_of(test)
     states: SteadyStates
@@ -120,16 +122,6 @@ def _simulated(test: Any, oscillator: Oscillator, progress: Progress) -> Respons
     )
     surface = add_noise(surface, test.noise_relative, test.seed)
     return replace(surface, findings=(*surface.findings, *lag_findings(surface)))
-
-
-@_simulated.register
-def _(test: MultisineTest, oscillator: Oscillator, progress: Progress) -> MultisineSpectra:
-    return rsgen.dynamics.simulate_multisine(oscillator, test)
-
-
-@_simulated.register
-def _(test: HistoryTest, oscillator: Oscillator, progress: Progress) -> ResponseSurface:
-    return test.simulated(oscillator, progress)
 
 
 def _integrate(oscillator: Oscillator, test: SimulatedTest, progress: Progress) -> SteadyStates:

@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import count
 from math import nan
+from typing import Any
 
 import numpy as np
 import sympy
@@ -287,7 +288,8 @@ def alternatives_to(
     """
     noise = max(fit.regression.sigma * agreement.typical, 1e-300)
     more = fit_larger_backgrounds(fit, noise) if backgrounds else {}
-    kinds = {"term": fit_missing_terms(fit, noise), "background": more, "halves": agreement.halves}
+    kinds: dict[str, Mapping[str, Alternative]] = {"term": fit_missing_terms(fit, noise)}
+    kinds |= {"background": more, "halves": agreement.halves}
     offset = _fit_offset(fit, noise) if fit.systematic else None
     if offset is not None and stands_out(offset):
         kinds["offset of the sensor"] = {"mean": offset}

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import inf, isfinite, isinf, nan
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -398,7 +398,7 @@ def _curve(
     force = level * force_per_level(identification)
     spans = balance.spans(force, window)
     parts = [part for span in spans for part in _branches(balance, force, span, window)]
-    columns: list[list[NDArray[Any]]] = [[] for _ in range(8)]
+    columns = list[ComplexArray]()
     folds: list[tuple[float, ...]] = []
     for omega, size, harmonics in parts:
         # without them a law with several motions of an amplitude may answer with another one
@@ -415,17 +415,12 @@ def _curve(
         )
         half = balance.frequency_spread(force, across, inner, folded, at.harmonics[turn])
         folds += np.stack([folded / (2 * np.pi), height, half / (2 * np.pi)], axis=1).tolist()
-        values = (
-            *(omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size),
-            balance.multiplier(at, omega),
-        )
-        for column, value in zip(columns, values, strict=True):
-            if column:
-                column.append(np.array([np.nan]))
-            column.append(value)
-    frequency, amplitude, phase, gain, lower, upper, sizes, multiplier = (
-        np.concatenate(column) if column else np.zeros(0) for column in columns
-    )
+        real = (omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size)
+        # a point without numbers separates the parts
+        columns += [np.full((8, 1), np.nan + 0j), np.array([*real, balance.multiplier(at, omega)])]
+    whole = np.concatenate(columns[1:] or [np.zeros((8, 0), complex)], axis=1)
+    frequency, amplitude, phase, gain, lower, upper, sizes = whole[:7].real
+    multiplier = whole[7]
     return ResonanceCurve(
         level=level,
         level_unit="m/s^2" if identification.curve.base else identification.curve.units.force,
@@ -441,7 +436,7 @@ def _curve(
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 3),
-        multiplier=multiplier.astype(complex),
+        multiplier=multiplier,
     )
 
 

@@ -333,8 +333,10 @@ def _start_first_order(problem: Problem) -> Array:
     for background in _start_backgrounds(problem):
         points = observed.mode(background)
         found = _start_values(points, problem.law, problem.fixed)
-        several = [found, *_start_on_both_sides(problem, points, found.values)]
-        several += _start_with_even_force(problem, points, found)
+        several = [found]
+        if even_part_unobservable(problem) and not (problem.law.remembers or problem.law.acts_across):
+            several += _start_on_both_sides(problem, points, found.values)
+            several += _start_with_even_force(problem, points, found)
         trials += [problem.join(one.values, one.mass, background) for one in several]
     if len(trials) == 1:
         return trials[0]
@@ -351,8 +353,6 @@ def _start_on_both_sides(problem: Problem, points: Points, values: Array) -> Ite
     Along sines a stop on one side has the fundamental of two stops of half the stiffness.
     """
     law, fixed = problem.law, problem.fixed
-    if not even_part_unobservable(problem) or law.remembers or law.acts_across:
-        return
     for pair in combinations(law.nonlinear, 2):
         names = [law.parameters[place] for place in pair]
         if not mirror_exchanges(law.expression, *map(symbol, names)):
@@ -374,8 +374,6 @@ def _start_with_even_force(problem: Problem, points: Points, found: Solution) ->
     has a motion.
     """
     law, fixed = problem.law, problem.fixed
-    if not even_part_unobservable(problem) or law.remembers or law.acts_across:
-        return
     largest = sine_motion(points.omega, points.amplitude).select(np.array([np.argmax(points.amplitude)]))
     slopes = law.along(largest, found.values, SAMPLES_PER_PERIOD).by_parameter
     force = abs(found.mass) * float((points.omega**2 * points.amplitude).max())
