@@ -259,7 +259,10 @@ class AmplitudeBalance:
         edges = np.flatnonzero(np.diff(reached.astype(int)))
         ends = [self._refine_end(float(size[i]), float(size[i + 1]), level) for i in edges]
         if reached[0]:
-            ends.insert(0, self._smallest_amplitude(level, window))
+            # a little less than the smallest amplitude within the window of frequencies
+            least = np.full(2, 1e-3 * self._largest)
+            at = self.solve(least, np.array(window))
+            ends.insert(0, float(0.8 * np.min(level * least / np.abs(at.force))))
         if reached[-1]:
             ends.append(float(size[-1]))
         return [(low, high) for low, high in zip(ends[::2], ends[1::2], strict=False) if high > low]
@@ -282,12 +285,6 @@ class AmplitudeBalance:
         size = np.array([high for _, high in self.spans(level, window)][-1:])
         omega, least = self.backbone(size, self._interpolated_frequency(size))
         return np.where(np.abs(least / level - 1) < RELATIVE_CHANGE_NEGLIGIBLE, omega, np.nan), size
-
-    def _smallest_amplitude(self, level: float, window: tuple[float, float]) -> float:
-        """Return a little less than the smallest amplitude [m] within the window of frequencies."""
-        size = np.full(2, 1e-3 * self._largest)
-        at = self.solve(size, np.array(window))
-        return float(0.8 * np.min(level * size / np.abs(at.force)))
 
     def frequencies(self, size: Array, level: float, side: int) -> tuple[Array, ComplexArray]:
         """Return the frequency (n,) [rad/s] below (side -1) or above (+1) the resonance, 0 if there is none,

@@ -265,8 +265,7 @@ def fit_candidate(candidate: CandidateLaw, rows: WhitenedBalance, fixed: Mapping
     unchanged = np.zeros(len(rows.background_at))
     place = np.array([*(candidate.values[name] for name in names), *unchanged])
     free = (-np.inf, np.inf)
-    limits = np.array([*(candidate.limits.get(name, free) for name in names), *(free for _ in unchanged)])
-    limits = limits.reshape(-1, 2)
+    limits = np.array([candidate.limits.get(name, free) for name in names] + [free] * len(unchanged))
     rules = replace(
         balance.rules,
         steps=NEAR_STEPS if balance.nonlinear else 0,
@@ -399,14 +398,6 @@ class Round(ABC):
         With whether its motion is that of its values; those of an even force are else of the motion.
         """
         return other.leader, True
-
-    def larger_background(self, best: CandidateFit) -> Finding | None:
-        """Find a larger background with which a law leaves much less; None if there is none."""
-        return None
-
-    def even_force(self, best: CandidateFit) -> Finding | None:
-        """Find an even force that a law lacks; None if there is none."""
-        return None
 
     @abstractmethod
     def relative(self, residual: Array) -> float:
