@@ -396,7 +396,7 @@ class Sources:
 
 
 def _degrees(table: Table, channel: Channel) -> list[Finding]:
-    """Find a phase in radians of more than two turns: no motion of a mode lags by that, but its degrees do."""
+    """Find a phase in radians of more than two turns: no mode lags by that, but its degrees do."""
     if channel.phase is None or channel.phase_unit != "rad":
         return []
     if np.max(np.abs(table.real(channel.phase)), initial=0.0) <= 4 * np.pi:

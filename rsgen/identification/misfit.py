@@ -53,7 +53,7 @@ from rsgen.identification.starting.start import even_directions, even_part_unobs
 from rsgen.identification.terms import (
     EVEN_SHARE,
     MIRRORED,
-    delay_finding,
+    channel_finding,
     even_force_shift,
     fit_missing_terms,
     fit_near,
@@ -138,8 +138,9 @@ def misfit_findings(
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     left_by_kind = {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()}
     rivals = left_by_term, left_by_cause
-    if known and not surface.decays and (late := delay_finding(fit, misfit, rivals, left_by_kind)):
-        return [replace(late, severity=severity if rejected else "doubt")]
+    channel = channel_finding(fit, misfit, rivals, left_by_kind, surface.base)
+    if known and not surface.decays and channel is not None:
+        return [replace(channel, severity=severity if rejected else "doubt")]
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest

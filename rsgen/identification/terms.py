@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import count
 from math import nan
 from typing import Any
@@ -35,6 +35,7 @@ from rsgen.common.tolerances import (
     STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
+    interval_sigmas,
     is_significant,
 )
 from rsgen.data.free_mode import fit_mode, hats, steady
@@ -45,7 +46,7 @@ from rsgen.formula.units import number_text
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Regression, Rules
-from rsgen.identification.fitting.observed import Observed, Problem, neighbour_power
+from rsgen.identification.fitting.observed import Observed, Problem, effective_power, neighbour_power
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import Agreement, Alternative, alternatives, stands_out
 from rsgen.identification.starting.start import records_even, start_fit
@@ -55,8 +56,8 @@ from rsgen.law.numeric import ForceLaw
 MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
 """Terms that a law may lack: the commonest nonlinear springs and dampers, which approximate others."""
 
-_PHASE_OF_STEP = 1e-3
-"""Of the force [rad], by which the slope of a phase is found."""
+_CHANNEL_STEP = 1e-3
+"""Of the phase [rad] or the logarithm of the gain of a channel, by which their slopes are found."""
 
 EVEN_SHARE = 0.1
 """Force of an even term relative to that of the spring, which no fundamental shows."""
@@ -218,46 +219,92 @@ def force_factors(fit: Fit) -> tuple[float, dict[float, float]]:
     return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right)))), factors
 
 
-def delay_finding(
-    fit: Fit, misfit: float, rivals: Sequence[float], left_by: Mapping[str, float]
+def channel_finding(
+    fit: Fit, misfit: float, rivals: Sequence[float], left_by: Mapping[str, float], base: str = ""
 ) -> Finding | None:
-    """Find a delay or a phase error of a channel that takes up most of a misfit, to first order.
+    """Find a delay, a phase error or a gain of a channel that takes up most of a misfit, to first order.
 
     Most is meant of what neighbours share; the rest is noise. ``rivals`` are what a term and free curves
     leave, ``left_by`` what backgrounds leave, which have more values. A narrow band does not tell a delay
     from a phase error, nor a lag from losses that do not grow with the frequency, which free curves take up.
-    A fit that did not converge says nothing of either.
+    On a driven ``base`` the mass follows from the force, so that the points show the gain, of a relative or
+    an absolute response. A fit that did not converge says nothing of any.
     """
-    points = fit.problem.observed.points
-    used = points.select(fit.regression.used)
-    residual, matrix, column = _by_points(fit, force=np.exp(-1j * _PHASE_OF_STEP) * points.force)
-    matrix = matrix[:, :, fit.problem.free]
+    used = fit.problem.observed.points.select(fit.regression.used)
+    residual = linearise_extended(fit, fit.problem, fit.regression.parameters)[0]
     if not (used.phase_known and fit.regression.converged) or used.far.size or len(residual) != len(used):
         return None
-    right, left, off = residual.reshape(-1), dict[str, float](), dict[str, float]()
-    for name, by in (("delay", used.omega), ("turn", np.ones(len(used)))):
-        changed = (column * by[:, None] / _PHASE_OF_STEP)[:, :, None]
-        rows = np.concatenate([matrix, changed], axis=2).reshape(residual.size, -1)
-        solution = solve_scaled(rows, right)[0]
-        left[name] = misfit * float(np.linalg.norm(right - rows @ solution) / np.linalg.norm(right))
-        off[name] = float(solution[-1])
-    best = min(left, key=left.__getitem__)
+    sensors = (False, True) if base else (False,)
+    # a kind with the misfit that it leaves, its value (of a gain the logarithm) and half its interval
+    kinds = min(
+        (_channel_errors(fit, misfit, used, gain=bool(base), absolute=absolute) for absolute in sensors),
+        key=lambda kinds: min(kinds.values()),
+    )
+    best = min(kinds, key=kinds.__getitem__)
+    left, off, within = kinds[best]
     power, shared = neighbour_power(residual, used.neighbours)
     noise = misfit * float(np.sqrt(1 - np.clip(np.sum(shared) / np.sum(power), 0, 1)))
     most = np.hypot(noise, (1 - MIN_MISFIT_REDUCTION) * np.sqrt(misfit**2 - noise**2))
-    taken = misfit**2 - left[best] ** 2
-    clear = taken > max(MISFIT_NEGLIGIBLE**2, MIN_SIGNIFICANT_GAIN / fit.regression.freedom * left[best] ** 2)
-    clear &= simplest_background({best: left[best], **left_by}, misfit) == best
+    taken = misfit**2 - left**2
+    clear = taken > max(MISFIT_NEGLIGIBLE**2, MIN_SIGNIFICANT_GAIN / fit.regression.freedom * left**2)
+    clear &= simplest_background({best: left, **left_by}, misfit) == best
     more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / fit.regression.freedom)
-    if not (clear and left[best] < min(most, more * max(min(rivals), noise))):
+    if not (clear and left < min(most, more * max(min(rivals), noise))):
         return None
-    numbers = quantities(left=left[best], misfit=misfit)
-    if left["delay"] < more * left[best]:
-        numbers["delay"] = Quantity(-off["delay"], "s")
-    if left["turn"] < more * left[best]:
-        numbers["turn"] = Quantity(off["turn"], "rad")
-    lossy = off[best] < 0 and min(rivals) < more * left[best]
-    return Finding("channels-delayed", "doubt", numbers=numbers, names={"loss": "yes"} if lossy else {})
+    numbers, names = quantities(left=left, misfit=misfit), {"base": "driven"} if base else {}
+    if best == "gain":
+        # the first order leaves the second
+        numbers |= quantities(gain=np.expm1(off), within=np.hypot(within, off**2))
+        return Finding("channels-delayed", "doubt", numbers=numbers)
+    if kinds["delay"][0] < more * left:
+        numbers["delay"] = Quantity(-kinds["delay"][1], "s")
+    if kinds["turn"][0] < more * left:
+        numbers["turn"] = Quantity(kinds["turn"][1], "rad")
+    names |= {"loss": "yes"} if off < 0 and min(rivals) < more * left else {}
+    return Finding("channels-delayed", "doubt", numbers=numbers, names=names)
+
+
+def _channel_errors(
+    fit: Fit, misfit: float, used: Points, *, gain: bool, absolute: bool
+) -> dict[str, tuple[float, float, float]]:
+    """Return, by the kind of error of a channel, what it leaves of a misfit, its value, half its interval."""
+    points = fit.problem.observed.points
+    channel = partial(_other_response if absolute else _other_force, points, fit.mass)
+    residual, matrix, turned = _by_points(fit, **channel(np.exp(-1j * _CHANNEL_STEP)))
+    columns = {"delay": turned * used.omega[:, None], "turn": turned}
+    if gain:
+        columns["gain"] = _by_points(fit, **channel(np.exp(-_CHANNEL_STEP)))[2]
+    right, freedom = residual.reshape(-1), fit.regression.freedom
+    kinds: dict[str, tuple[float, float, float]] = {}
+    for name, changed in columns.items():
+        more = np.concatenate([matrix[:, :, fit.problem.free], changed[:, :, None] / _CHANNEL_STEP], axis=2)
+        rows = more.reshape(residual.size, -1)
+        solution, inverse, _ = solve_scaled(rows, right)
+        missed = right - rows @ solution
+        size = float(np.linalg.norm(missed))
+        # neighbours that miss alike are fewer points
+        unit = (missed * np.sqrt(len(missed)) / size).reshape(residual.shape)
+        alike = effective_power(unit, used.neighbours)
+        error = np.sqrt(alike / freedom) * size * float(np.linalg.norm(inverse[-1]))
+        left = misfit * size / float(np.linalg.norm(right))
+        kinds[name] = left, float(solution[-1]), float(interval_sigmas(freedom) * error)
+    return kinds
+
+
+def _other_force(points: Points, mass: float, factor: complex) -> dict[str, Any]:
+    """Return the force with a factor; ``mass`` has no part in it."""
+    return {"force": factor * points.force}
+
+
+def _other_response(points: Points, mass: float, factor: complex) -> dict[str, Any]:
+    """Return a response whose absolute motion on a driven base has the inverse of a factor.
+
+    The base moves with x_b = F/(m omega^2), and the response is x = x_abs - x_b.
+    """
+    order, base = np.arange(points.harmonics.shape[1]), np.zeros_like(points.harmonics)
+    base[:, 1] = points.force / (mass * points.omega**2)
+    by = np.exp(-1j * order * np.angle(factor)) / np.abs(factor)
+    return {"harmonics": by * (points.harmonics + base) - base}
 
 
 def _by_points(fit: Fit, **columns: Any) -> tuple[Array, Array, Array]:

@@ -7,7 +7,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.data.surface.plausibility import level_findings
-from rsgen.identification.terms import delay_finding
+from rsgen.identification.terms import channel_finding
 
 MASS, K, C, K3 = 1.3, 30000.0, 12.0, 4e10
 LAW = "k*x + c*v + k3*x**3"
@@ -139,6 +139,6 @@ def test_a_fit_that_did_not_converge_blames_no_delay():
     fit = rs.identify(rs.ResponseSurface(test.level, test.frequency, test.force, late), LAW).fit
     assert fit is not None
     misfit = fit.regression.rms_misfit
-    assert delay_finding(fit, misfit, [misfit], {}) is not None
+    assert channel_finding(fit, misfit, [misfit], {}) is not None
     ended = replace(fit, regression=replace(fit.regression, converged=False))
-    assert delay_finding(ended, misfit, [misfit], {}) is None
+    assert channel_finding(ended, misfit, [misfit], {}) is None

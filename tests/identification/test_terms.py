@@ -1,5 +1,6 @@
 """Terms beside a law: what a law lacks, and what intervals say of it."""
 
+import functools
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -257,6 +258,50 @@ def test_a_wrong_law_is_not_blamed_on_the_channels(law, noise):
     assert "channels-delayed" not in codes
     # of 1 % of noise one hardening spring is another
     assert "law-does-not-fit" in codes or noise == 0.01
+
+
+CUBIC = "k*x + c*v + k3*x**3"
+
+
+@functools.cache
+def driven_base() -> rs.ResponseSurface:
+    test = rs.SimulatedTest(level=[1.3, 3.3, 6.7], frequency=np.linspace(8, 12, 50), base="acceleration")
+    return rs.simulate(rs.Oscillator(1.5, CUBIC, {"k": 5920.0, "c": 4.0, "k3": 2e5}), test)
+
+
+def seen_on_base(*, absolute: bool, gain: float, turn: float, delay: float) -> rs.ResponseSurface:
+    """Return a test of a driven base of which one sensor, of the absolute or relative motion, is wrong."""
+    test = driven_base()
+    base = test.force / test.omega**2 if absolute else 0.0
+    by = (1 + gain) * np.exp(1j * (turn - test.omega * delay))
+    noise = np.random.default_rng(1).normal(size=(2, len(test)))
+    read = by * (test.harmonics[:, 1] + base) * (1 + 0.001 * (noise[0] + 1j * noise[1])) - base
+    return rs.ResponseSurface(test.level, test.frequency, test.force, read, base="acceleration")
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+@pytest.mark.parametrize(
+    ("name", "value"), [("gain", 0.008), ("gain", -0.02), ("turn", 0.0175), ("delay", 2e-4)]
+)
+def test_a_sensor_of_a_driven_base_that_is_off_is_named_with_its_value(absolute, name, value):
+    """The ratio of two accelerometers was "identified", with values off by more than their intervals."""
+    wrong = {"gain": 0.0, "turn": 0.0, "delay": 0.0} | {name: value}
+    found = rs.identify(seen_on_base(absolute=absolute, **wrong), CUBIC)
+    (said,) = (one for one in found.findings if one.code == "channels-delayed")
+    assert found.verdict.state == "doubtful"
+    assert said[name] == pytest.approx(value, rel=0.05)
+    if name == "gain":
+        assert abs(said["gain"] - value) < said["within"] < 0.1 * abs(value)
+        assert "accelerometers" in next_step(said)
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+@pytest.mark.parametrize("law", [CUBIC, "k*x + c*v", "k*x + c*v + k3*x*abs(x)"])
+def test_sensors_of_a_driven_base_are_not_blamed_for_a_law(absolute, law):
+    right = seen_on_base(absolute=absolute, gain=0.0, turn=0.0, delay=0.0)
+    codes = {finding.code for finding in rs.identify(right, law).findings}
+    assert "channels-delayed" not in codes
+    assert ("law-does-not-fit" in codes) is (law != CUBIC)
 
 
 @pytest.mark.parametrize(("moved", "named"), [(-0.5, True), (-790.0, False)])
