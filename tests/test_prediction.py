@@ -519,6 +519,17 @@ def test_each_point_of_a_curve_has_the_force_of_its_level(monkeypatch):
         assert np.all(np.diff(curve.frequency[: int(np.nanargmax(curve.amplitude))][:20]) > 0)
 
 
+def test_where_friction_sticks_is_sought_once_for_all_levels(monkeypatch):
+    """It was sought anew for every level, in most of the time that curves of a law with friction took."""
+    values = {"k": 6000.0, "c": 4.0, "Ff": 0.5}
+    balance = balance_of(as_identification(Oscillator(1.5, "k*x + c*v + Ff*sign(v)", values), [5.0]))
+    solved, backbone = [], AmplitudeBalance.backbone
+    monkeypatch.setattr(AmplitudeBalance, "backbone", lambda *of: (solved.append(of), backbone(*of))[1])
+    first, second = (balance.spans(level, (50.0, 80.0)) for level in (4.0, 5.0))
+    assert first[0][0] == second[0][0]
+    assert len(solved) == 9  # three refinements of the end that both have, and three of each peak
+
+
 @pytest.mark.parametrize(("law", "values", "level"), [
     ("k*x + c*v + masing(Min(kt*x, Fs))", {"k": 30004.0, "c": 4.989, "kt": 13990.0, "Fs": 1.9959}, 1.5),
     ("k*x + c*v + c2*v*abs(v)", {"k": 6000.0, "c": 4.0, "c2": 40.0}, 10.0),

@@ -25,6 +25,7 @@ def identify_command(case: OneCase, data: Data = None, json: Json = False) -> in
     """
     with tested_case(case, data) as (loaded, tested, note):
         identification = identify_case(loaded, tested, note)
+        note("prediction", 0.0)
         # as a run of the case would, with its truth
         truth = loaded.with_model(identification.model_given).truth
         comparison = compare(identification, truth, loaded.accept)

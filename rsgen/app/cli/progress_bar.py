@@ -122,6 +122,7 @@ _AS_TEXT = TextColumn("{task.description}", markup=False)
 _DOING = {
     "surface": "simulating",
     "identification": "identifying",
+    "prediction": "predicting curves",
     "report": "writing the report",
     "ranking": "comparing laws",
 }

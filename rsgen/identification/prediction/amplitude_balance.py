@@ -217,6 +217,11 @@ class AmplitudeBalance:
         """Return the backbone up to twice the largest tested amplitude; see ``_tabulated``."""
         return self._tabulated(2 * self._largest)
 
+    @cached_property
+    def _least_between(self) -> dict[tuple[float, float], Array]:
+        """Least forces [N] between two amplitudes [m]: ends where friction begins to stick recur."""
+        return {}
+
     def _tabulated(self, largest: float) -> tuple[Array, Array, Array]:
         """Return the backbone up to an amplitude [m]: amplitudes [m], frequencies [rad/s] and forces [N]."""
         size = np.geomspace(_MIN_AMPLITUDE * self._largest, largest, _TABLE_SIZE)
@@ -271,8 +276,10 @@ class AmplitudeBalance:
         """Return the amplitude [m] between two others whose least force is the level [N]."""
         for _ in range(3):
             size = np.linspace(low, high, _BISECTION_POINTS)
-            _, force = self.backbone(size, self._interpolated_frequency(size))
-            reached = force <= level
+            if (low, high) not in self._least_between:
+                _, force = self.backbone(size, self._interpolated_frequency(size))
+                self._least_between[low, high] = force
+            reached = self._least_between[low, high] <= level
             i = next(iter(np.flatnonzero(np.diff(reached.astype(int)))), 0)
             low, high = float(size[i]), float(size[i + 1])
         return low if reached[i] else high
