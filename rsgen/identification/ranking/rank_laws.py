@@ -269,7 +269,8 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
     """
     rounds: list[_Compared] = []
     tried: list[str] = []
-    first = found[0]
+    # at the limit of a parameter a law becomes another one, which leads itself; its motion may take minutes
+    first = min(found[:_LEADERS], key=lambda fit: not fit.converged)
     for _ in range(_MAX_ROUNDS):
         before = rounds[-1].round if rounds else None
         motions = (test.along(fit.candidate, before) for fit in [first, *found][:_LEADERS])
