@@ -141,7 +141,7 @@ def ranking_entry(ranking: Ranking) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parts:
-    """What page and result.json are made of: the test, what was identified, and what follows from it.
+    """Parts of a report, from which page, result.json and notebook are made.
 
     Parameters
     ----------
