@@ -905,7 +905,7 @@ def test_an_exponent_that_is_the_displacement_is_no_power() -> None:
 def test_a_law_that_loses_other_points_of_fundamentals_is_not_judged_by_these_alone(library: bool) -> None:
     """Friction leaves some points of either law unsettled; ten of 392 hid that the right law fits the others.
 
-    In the library smoothed friction ties with dry one, and loses none, but sums are not compared with it.
+    In the library smoothed friction ties with dry one and loses none; sums are not compared along its motion.
     """
     law = "k*x + c*v + kb*Max(x, 0) + Ff*sign(v)"
     rig = rsgen.Oscillator(5.25, law, {"k": 1.31e5, "kb": 9.6e4, "c": 54.0, "Ff": 1.76})

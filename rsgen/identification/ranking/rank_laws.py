@@ -273,7 +273,8 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
     first = min(found[:_LEADERS], key=lambda fit: not fit.converged)
     for _ in range(_MAX_ROUNDS):
         before = rounds[-1].round if rounds else None
-        motions = (test.along(fit.candidate, before) for fit in [first, *found][:_LEADERS])
+        leaders = sorted(found, key=lambda fit: fit is not first)[:_LEADERS]
+        motions = (test.along(fit.candidate, before) for fit in leaders)
         current = next((motion for motion in motions if motion is not None), None)
         if current is None:
             break
