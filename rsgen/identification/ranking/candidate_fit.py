@@ -399,6 +399,14 @@ class Round(ABC):
         """
         return other.leader, True
 
+    def larger_background(self, best: CandidateFit) -> Finding | None:
+        """Find a larger background with which a law leaves much less; None if there is none."""
+        return None
+
+    def even_force(self, best: CandidateFit) -> Finding | None:
+        """Find an even force that a law lacks; None if there is none."""
+        return None
+
     @abstractmethod
     def relative(self, residual: Array) -> float:
         """Return the root mean square of a residual (n, r) relative to force and response [1]."""

@@ -62,7 +62,7 @@ from rsgen.identification.ranking.ranking_result import (
     values_of_same,
 )
 from rsgen.identification.ranking.records import RecordTest
-from rsgen.identification.ranking.reference import PointRound, PointTest
+from rsgen.identification.ranking.reference import PointTest
 from rsgen.identification.ranking.selection import Candidates, competitors, hides_even, law_text
 from rsgen.identification.results import Identification
 from rsgen.law.element import LawLike, Library
@@ -431,8 +431,7 @@ def _ranking(
     findings = name_powers(assessment.findings, ordered, rows)
     findings += (test.left_out,) if test.left_out else ()
     # no background takes the place of a law
-    in_reach = 0 < assessment.unexplained < MISFIT_REJECTED
-    if in_reach and isinstance(current, PointRound) and isinstance(surface, ResponseSurface):
+    if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
         findings = _with_what_is_missing(ordered, current, surface, findings)
     return Ranking(
         tuple(rows),
@@ -474,7 +473,7 @@ def _row(
 
 def _with_what_is_missing(
     ordered: Sequence[CandidateFit],
-    current: PointRound,
+    current: Round,
     surface: ResponseSurface,
     findings: tuple[Finding, ...],
 ) -> tuple[Finding, ...]:
