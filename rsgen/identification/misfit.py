@@ -136,11 +136,10 @@ def misfit_findings(
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
-    left_by_kind = {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()}
+    left_by = {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()}
     rivals = left_by_term, left_by_cause
-    channel = channel_finding(fit, misfit, rivals, left_by_kind, surface.base)
-    if known and not surface.decays and channel is not None:
-        return [replace(channel, severity=severity if rejected else "doubt")]
+    if known and not surface.decays and (off := channel_finding(fit, misfit, rivals, left_by, surface.base)):
+        return [replace(off, severity=severity if rejected else "doubt")]
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
@@ -148,7 +147,7 @@ def misfit_findings(
     if backgrounds and fit.regression.converged:
         found += background_findings(
             backgrounds,
-            left_by_kind,
+            left_by,
             fit.regression.first(fit.problem.count),
             others.names,
             misfit=misfit,
