@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.data.surface.mode_findings import flattening_findings
+from rsgen.data.surface.mode_findings import flattening_findings, row_findings
 from rsgen.data.surface.plausibility import (
     RANGES,
     Sizes,
@@ -240,14 +240,14 @@ def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
     one = ResponseSurface(np.ones(72), right[1], force.ravel(), motion.ravel(), control=control)
     assert ["one" in found.names for found in level_findings(one)] == [True] * (control == "force")
     nominal = ResponseSurface(np.ones(72), right[1], 1.0, motion.ravel(), control=control)
-    assert [f.names["one"] for f in level_findings(nominal)] == ["readings"] * (control == "force")
+    assert [f.names["rows"] for f in row_findings(nominal)] == ["readings"] * (control == "force")
     if control == "force":
         # levels in place of frequencies, but not steps of the level at a few frequencies
         exchanged = ResponseSurface(right[1], right[0], right[1], motion.ravel())
-        assert [found.names["rows"] for found in level_findings(exchanged)] == ["columns"]
+        assert [found.names["rows"] for found in row_findings(exchanged)] == ["columns"]
         steps = np.tile(np.linspace(1, 5, 24), 3), np.repeat(frequency[::8], 24)
         stepped = steps[0] * np.repeat(receptance[::8], 24)
-        assert list(level_findings(ResponseSurface(*steps, steps[0], stepped))) == []
+        assert row_findings(ResponseSurface(*steps, steps[0], stepped)) == []
     assert named(right[0], swapped[1], force, motion) == ["frequencies"]
     # three readings of each of 24 points of a level, at frequencies of its own, are no exchange
     readings = right[0], np.repeat(np.linspace(8, 12, 24), 3)

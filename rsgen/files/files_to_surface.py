@@ -28,7 +28,8 @@ from rsgen.data.history.record import driven_amplitude
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import MIN_POINTS_OF_RUN, below_acceleration, repeated_run
 from rsgen.data.surface.columns import recognise_directions
-from rsgen.data.surface.plausibility import base_findings, lag_findings, mixed_levels, quantity_findings
+from rsgen.data.surface.mode_findings import mixed_levels
+from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.column_titles import contradiction, is_angular, unit_in
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
@@ -528,7 +529,7 @@ def _read(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     # a base that was misread feeds or mirrors by that
     passive = () if test.base is not None and other else passivity_findings(surface, sense, quantity)
     lag = lag_findings(surface)
-    mixed = list(mixed_levels(surface)) if test.history is None else []
+    mixed = mixed_levels(surface) if test.history is None else []
     if mixed:
         columns = [entry.title or entry.path for entry in list_contents(test.file).entries if entry.size > 1]
         mixed = [replace(one, names={**one.names, "columns": listed(columns)}) for one in mixed]

@@ -43,7 +43,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.record_set import with_label
-from rsgen.data.surface.mode_findings import flattening_findings
+from rsgen.data.surface.mode_findings import row_findings
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
@@ -334,7 +334,7 @@ def checked(surface: ResponseSurface) -> ResponseSurface:
     if surface.per_mass and surface.base and not is_misread(surface):
         misread = base_findings(surface, absolute=False, senses=False)
         surface = replace(surface, findings=(*surface.findings, *misread))
-    rows = flattening_findings(surface)
+    rows = row_findings(surface)
     return replace(surface, findings=(*surface.findings, *rows)) if rows else surface
 
 

@@ -62,6 +62,7 @@ from rsgen.identification.terms import (
     gain_of,
     largest_move,
     law_with,
+    other_gain,
     share_left_by,
     simplest_background,
     stop_elsewhere,
@@ -122,10 +123,9 @@ def misfit_findings(
     left_by_term, left_by_cause, names = _cause(
         fit, points, others, only_terms=rejected, decays=surface.decays
     )
-    numbers = quantities(misfit=misfit)
-    gain = _other_gain(fit, surface.level_unit) if "levels" in names else {}
+    gain = other_gain(fit, surface.level_unit) if "levels" in names else {}
+    numbers = quantities(misfit=misfit) | gain | (quantities(left=left_by_cause) if names else {})
     if names:
-        numbers |= gain | quantities(left=left_by_cause)
         # gains of the levels are no other law: they are as doubtful as the misfit is large
         severity = severity if "levels" in names or rejected else "doubt"
     known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
@@ -197,10 +197,8 @@ def _cause(
     by_term = {name: misfit * share_left_by(fit, name) for name in tried}
     term = min(by_term, key=by_term.__getitem__)
     left_by_term = left_by_cause = by_term[term]
-    names, enough = (
-        {"side": "other"} if term == MIRRORED else {"term": term},
-        (1 - MIN_MISFIT_REDUCTION) * misfit,
-    )
+    names = {"side": "other"} if term == MIRRORED else {"term": term}
+    enough = (1 - MIN_MISFIT_REDUCTION) * misfit
     # on as many points as were fitted
     more = MIN_SIGNIFICANT_GAIN / min(fit.regression.freedom, 2 * SUBSAMPLE_POINTS)
     alike = [
@@ -266,15 +264,6 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
         return []
     numbers = {"level": Quantity(level, unit), "misfit": Quantity(size), "typical": Quantity(typical)}
     return [Finding("level-deviates", "doubt", numbers=numbers)]
-
-
-def _other_gain(fit: Fit, unit: str) -> dict[str, Quantity]:
-    """Return the level whose force has another factor than all others, and the factor; none if several do."""
-    factors = force_factors(fit)[1]
-    *others, (worst, level) = sorted((abs(np.log(factor)), level) for level, factor in factors.items())
-    if len(others) < 2 or worst < DEVIATING_MISFIT_RATIO * others[-1][0]:
-        return {}
-    return {"level": Quantity(level, unit), "gain": Quantity(factors[level])}
 
 
 def _few_points(fit: Fit) -> Problem:

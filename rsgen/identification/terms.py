@@ -25,6 +25,7 @@ from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
+    DEVIATING_MISFIT_RATIO,
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
     MISFIT_NEGLIGIBLE,
@@ -217,6 +218,15 @@ def force_factors(fit: Fit) -> tuple[float, dict[float, float]]:
     gains = solution[-len(names) :]
     factors = dict(zip(names.tolist(), np.exp(gains - np.median(gains)).tolist(), strict=True))
     return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right)))), factors
+
+
+def other_gain(fit: Fit, unit: str) -> dict[str, Quantity]:
+    """Return the level whose force has another factor than all others, and the factor; none if several do."""
+    factors = force_factors(fit)[1]
+    *others, (worst, level) = sorted((abs(np.log(factor)), level) for level, factor in factors.items())
+    if len(others) < 2 or worst < DEVIATING_MISFIT_RATIO * others[-1][0]:
+        return {}
+    return {"level": Quantity(level, unit), "gain": Quantity(factors[level])}
 
 
 def channel_finding(

@@ -10,7 +10,7 @@ import pytest
 
 from rsgen import ResponseSurface, sentence
 from rsgen.common.errors import MeasurementError
-from rsgen.data.surface.plausibility import level_findings
+from rsgen.data.surface.mode_findings import row_findings
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import Layout, LevelRule, MeasuredTest
@@ -172,8 +172,8 @@ def test_a_level_column_that_was_forgotten_is_asked_for_with_the_columns_there_a
     signals, one = (Channel(nominal=True), Channel(amplitude="x_m")), LevelRule(value=1.0)
     test = MeasuredTest(path, "f_Hz", *signals, "displacement", phase_known=False, level=one)
     (found,) = (f for f in read_measurement(test).findings if f.code == "levels-disagree")
-    assert found.names == {"one": "readings", "columns": "f_Hz, level_N, x_m"}
-    assert not list(level_findings(read_measurement(test)))
+    assert found.names == {"rows": "readings", "columns": "f_Hz, level_N, x_m"}
+    assert not row_findings(read_measurement(test))
     told = read_measurement(replace(test, level=LevelRule(column="level_N")))
     assert "levels-disagree" not in [f.code for f in told.findings]
 

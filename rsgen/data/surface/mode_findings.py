@@ -22,7 +22,7 @@ from rsgen.data.free_mode import Kinematics, estimate_mass, fit_mode, hats, stea
 from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.record_set import LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
 from rsgen.data.surface.columns import group_forces
-from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points
+from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points, usable_points
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies
 
 _FACTORS_OF_MASS = {
@@ -182,6 +182,34 @@ def fixed_contradicted(
     return Finding("fixed-contradicted", "doubt", name, numbers, names)
 
 
+def mixed_levels(surface: ResponseSurface) -> list[Finding]:
+    """Return a finding if the rows of one level are of several, or levels stand where frequencies should.
+
+    Under one force the responses of a sweep at one frequency are its readings; where they differ by more than
+    levels do at most frequencies, levels were not told. Where levels outnumber frequencies, the response at
+    one of these grows with the level (d|F|/dX > 0); it has a resonance where both are exchanged.
+    """
+    rows = usable_points(surface)
+    if surface.control != "force" or surface.decays or not len(rows):
+        return []
+    rows = rows[np.lexsort((surface.level[rows], surface.sweep[rows], surface.frequency[rows]))]
+    frequency, sweep, level = surface.frequency[rows], surface.sweep[rows], surface.level[rows]
+    edges = np.flatnonzero((np.diff(frequency) != 0) | (sweep[1:] != sweep[:-1])) + 1
+    readings = np.split(np.log(surface.amplitude[rows]), edges)
+    levels, frequencies = len(np.unique(level)), len(np.unique(frequency))
+    if levels > 1:
+        possible, names = levels > frequencies, {"rows": "columns"}
+        moved = np.median([np.max(one) - one[-1] for one in readings])
+    else:
+        possible = np.ptp(np.log(np.abs(surface.force[rows]))) < np.log(LEVEL_TOLERANCE)
+        moved, names = np.median([np.ptp(one) for one in readings]), {"rows": "readings"}
+    if not (possible and moved > np.log(LEVEL_TOLERANCE)):
+        return []
+    numbers = quantities(levels=levels, frequencies=frequencies, moved=np.exp(moved))
+    numbers |= quantities(surface.level_unit, level=level[0])
+    return [Finding("levels-disagree", "doubt", "", numbers, names)]
+
+
 def flattening_findings(surface: ResponseSurface) -> list[Finding]:
     """Return a finding if arrays of a grid, levels x frequencies, were flattened in two orders.
 
@@ -192,8 +220,7 @@ def flattening_findings(surface: ResponseSurface) -> list[Finding]:
     levels, count = list(dict.fromkeys(surface.level.tolist())), len(surface.levels)
     points = len(surface) // max(count, 1)
     enough = count >= _MIN_LEVELS and points >= _MIN_POINTS and points * count == len(surface)
-    said = any(finding.names.get("rows") for finding in surface.findings)
-    if said or not enough or surface.control not in ("force", "response"):
+    if not enough or surface.control not in ("force", "response"):
         return []
     repeated = np.reshape(surface.frequency, (points, count))
     if len(np.unique(repeated)) != points or np.any(repeated != repeated[:, :1]):
@@ -213,10 +240,16 @@ def flattening_findings(surface: ResponseSurface) -> list[Finding]:
     return [Finding("levels-disagree", "doubt", "", numbers, {"rows": found})] if found else []
 
 
+def row_findings(surface: ResponseSurface) -> list[Finding]:
+    """Return a finding if columns of levels and frequencies do not belong together; none or one."""
+    said = any(finding.names.get("rows") for finding in surface.findings)
+    return [] if said else flattening_findings(surface) or mixed_levels(surface)
+
+
 def levels_tested(surface: ResponseSurface) -> ResponseSurface:
     """Return a test without copies, its rows checked, with levels where each point had a reading for one."""
     surface = without_copies(surface)
-    surface = replace(surface, findings=(*surface.findings, *flattening_findings(surface)))
+    surface = replace(surface, findings=(*surface.findings, *row_findings(surface)))
     if not (surface.response_held and len(surface.levels) == len(surface)):
         return surface
     group = group_forces(surface.level, MAX_LEVEL_SPREAD)

@@ -131,7 +131,7 @@ class Sizes:
     @classmethod
     def of(cls, surface: ResponseSurface, mass: float = nan, damping: float = nan) -> Sizes:
         """Return the sizes of the settled points of a surface, at least one, and of its mode where known."""
-        rows = _usable(surface)
+        rows = usable_points(surface)
         amplitude, omega = surface.amplitude[rows], surface.omega[rows]
         return cls(
             float(surface.frequency[rows][np.argmax(amplitude)]),
@@ -144,7 +144,8 @@ class Sizes:
         )
 
 
-def _usable(surface: ResponseSurface) -> NDArray[np.intp]:
+def usable_points(surface: ResponseSurface) -> NDArray[np.intp]:
+    """Return the settled points with a force and a response to it."""
     good = surface.settled & np.isfinite(surface.harmonics[:, 1]) & np.isfinite(surface.force)
     return np.flatnonzero(good & (surface.amplitude > 0) & (np.abs(surface.force) > 0))
 
@@ -188,12 +189,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     held, unit = surface.response_held, surface.level_unit
     if surface.decays or not (held or unit == "N"):
         return
-    said = [one for one in surface.findings if one.code == "levels-disagree" and "columns" in one.names]
-    mixed = [] if said else list(mixed_levels(surface))
-    if said or mixed:
-        yield from mixed
-        return
-    level, size = surface.level[rows := _usable(surface)], surface.amplitude[rows]
+    level, size = surface.level[rows := usable_points(surface)], surface.amplitude[rows]
     force, levels = size if held else np.abs(surface.force[rows]), np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
     names, off = {"by": "amplitude"} if held else {}, np.abs(np.log(size[level > 0] / level[level > 0]))
@@ -230,35 +226,8 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     close = several and np.median(np.diff(levels) / levels[1:]) < RELATIVE_CHANGE_NEGLIGIBLE
     if 1 < len(levels) == len(rows) and (by_force or close):
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
-    if by_force:
+    if by_force and not any(one.names.get("rows") == "columns" for one in surface.findings):
         yield from _exchanged_levels(surface, rows)
-
-
-def mixed_levels(surface: ResponseSurface) -> Iterator[Finding]:
-    """Return a finding if the rows of one level are of several, or levels stand where frequencies should.
-
-    Under one force the responses of a sweep at one frequency are its readings; where they differ by more than
-    levels do at most frequencies, levels were not told. Where levels outnumber frequencies, the response at
-    one of these grows with the level (d|F|/dX > 0); it has a resonance where both are exchanged.
-    """
-    rows = _usable(surface)
-    if surface.control != "force" or surface.decays or not len(rows):
-        return
-    rows = rows[np.lexsort((surface.level[rows], surface.sweep[rows], surface.frequency[rows]))]
-    frequency, sweep, level = surface.frequency[rows], surface.sweep[rows], surface.level[rows]
-    edges = np.flatnonzero((np.diff(frequency) != 0) | (sweep[1:] != sweep[:-1])) + 1
-    readings = np.split(np.log(surface.amplitude[rows]), edges)
-    levels, frequencies = len(np.unique(level)), len(np.unique(frequency))
-    if levels > 1:
-        possible, names = levels > frequencies, {"rows": "columns"}
-        moved = np.median([np.max(one) - one[-1] for one in readings])
-    else:
-        possible = np.ptp(np.log(np.abs(surface.force[rows]))) < np.log(LEVEL_TOLERANCE)
-        moved, names = np.median([np.ptp(one) for one in readings]), {"one": "readings"}
-    if possible and moved > np.log(LEVEL_TOLERANCE):
-        numbers = quantities(levels=levels, frequencies=frequencies, moved=np.exp(moved))
-        numbers |= quantities(surface.level_unit, level=level[0])
-        yield Finding("levels-disagree", "doubt", "", numbers, names)
 
 
 def _exchanged_levels(surface: ResponseSurface, rows: NDArray[np.intp]) -> Iterator[Finding]:
@@ -353,9 +322,8 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     if best is None or passive[best] > min(ratio * misfit, _MAX_MISFIT_RATIO):
         return
     sure = "yes" if passive[best] < _MAX_MISFIT_RATIO * misfit else "no"
-    numbers = {"misfit": Quantity(misfit), "then": Quantity(passive[best])}
     names = {"read": quantity or "", "is": best, "sure": sure}
-    yield Finding("another-quantity", "doubt", "", numbers, names)
+    yield Finding("another-quantity", "doubt", "", quantities(misfit=misfit, then=passive[best]), names)
 
 
 # ----------------------------------------------------------------------------
