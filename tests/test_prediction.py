@@ -25,7 +25,8 @@ from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.describing.derivation import derive
 from rsgen.identification.identify import _with_held_out
 from rsgen.identification.prediction import HeldOutLevel, Prediction, predict
-from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, as_identification, balance_of
+from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, balance_of
+from rsgen.identification.prediction.known_values import as_identification
 from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
 from rsgen.identification.prediction.resonance_curves import predict_held_out, predict_shown
 from rsgen.identification.results.result import held_out_lines
@@ -591,8 +592,8 @@ def test_a_jump_has_the_direction_of_the_sweep_in_which_it_is(k3, peak_jumps):
         assert abs(jump.landing / jump.amplitude - 1) > 0.5
 
 
-def test_a_jump_frequency_and_the_largest_amplitude_have_the_interval_that_the_values_give():
-    """A jump was printed bare on every output, and the amplitude in Python."""
+def test_jumps_and_the_largest_amplitude_have_the_intervals_that_the_values_give():
+    """A jump was printed bare on every output, the amplitude in Python, the peak's frequency everywhere."""
     law, level = "k*x + k3*x**3 + c*v", 0.3
     values = {"k": 6000.0, "k3": 2e7, "c": 1.0}
     known = as_identification(Oscillator(1.5, law, values), [level])
@@ -609,7 +610,16 @@ def test_a_jump_frequency_and_the_largest_amplitude_have_the_interval_that_the_v
         assert jump.interval == pytest.approx((jump.frequency - half, jump.frequency + half), abs=0.02 * half)
         assert jump.in_words() in str(prediction)
         assert " to " in jump.in_words()
+    moved = [Oscillator(1.5, law, dict(zip(names, at + part, strict=True))) for part in (-off, off)]
+    ends = [balance_of(as_identification(one, [level])).peak(level, (50.0, 80.0))[0][0] for one in moved]
+    slow, fast = prediction[level].peak_interval
+    assert fast - slow == pytest.approx(1.96 * abs(ends[1] - ends[0]) / (2 * np.pi), rel=0.01)
+    assert slow < prediction[level].frequency[np.nanargmax(prediction[level].amplitude)] < fast
+    cut = predict(found, [level], band=(9.0, 0.99 * slow))[level]
+    assert cut.rises_at_end
+    assert np.isnan(cut.peak_interval).all()
     said = largest_of_curve(prediction[level], "", (0.0, np.inf))
+    assert (said["at_low"], said["at_high"]) == (slow, fast)
     assert f"{said['low']:.5g} to {said['high']:.5g}" in str(prediction)
     assert prediction[level].jumps[1].in_words(" Hz", "in a sweep ") in sentence(said)
 

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,9 @@ from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
 from rsgen.law.motion import harmonics_of, sine_motion
 from rsgen.law.numeric import ForceLaw
+
+if TYPE_CHECKING:
+    from rsgen.identification.prediction.prediction_result import ResonanceCurve
 
 _MIN_COSINE_OF_STEP = np.cos(np.pi / 5)
 """Cosine of the phase difference of neighbours, 36 degrees, below which a jump is between them."""
@@ -240,3 +245,19 @@ def branch_findings(points: Points, fit: Fit, unit: str) -> list[Finding]:
             numbers |= quantities("Hz", frequency=float(points.omega[order[at + 1]]) / (2 * np.pi))
             return [Finding("direction-from-branch", "warning", "", numbers, {"by": "branch", "sweep": way})]
     return []
+
+
+def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -> tuple[Finding, ...]:
+    """Find that a run swept one way leaves the upper branch where a sweep the other way meets it.
+
+    ``top`` is its largest point, and in ``way`` the peak; a jump is known up to a step of the frequency.
+    """
+    frequency, sense = run.omega / (2 * np.pi), 1 if way == "up" else -1
+    beyond = (frequency - frequency[top]) * sense
+    step = float(beyond[beyond > 0].min(initial=inf))
+    for jump in curve.jumps if set(run.sweep) == {way} else ():
+        near = -step / 2 <= (jump.frequency - frequency[top]) * sense <= 2 * step < inf
+        if near and run.amplitude[top] > jump.amplitude and jump.sweep != way:
+            fold = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(jump.frequency, "Hz")}
+            return (Finding("direction-from-branch", "warning", "", fold, {"by": "jump", "sweep": way}),)
+    return ()

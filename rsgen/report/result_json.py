@@ -350,6 +350,7 @@ def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
         "level": finite_or_none(curve.level),
         "level_unit": curve.level_unit,
         **{name: next(iter(numbers_or_none(value)), None) for name, value in highest.items()},
+        "frequency_interval": list(map(finite_or_none, curve.peak_interval)),
         "still_rising": bool(top) and curve.rises_at_end,
         "jumps": [
             {

@@ -12,7 +12,6 @@ Newton's method in X gives the response.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields
 from functools import cached_property, partial
 
@@ -20,9 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import (
-    ANY_LAW,
     BALANCE_HARMONICS,
     HELD_OUT_ERROR_SMALL,
     MAX_LINEAR_CHANGE,
@@ -33,9 +30,7 @@ from rsgen.common.tolerances import (
     START_HARMONICS,
     interval_sigmas,
 )
-from rsgen.data.oscillator import Model, Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.describing.derivation import derive
 from rsgen.dynamics.harmonic_balance import (
     Response,
     decisive_multiplier,
@@ -46,7 +41,7 @@ from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND, force_changes
-from rsgen.identification.results import EquivalentCurve, Estimate, Identification
+from rsgen.identification.results import Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
@@ -114,10 +109,36 @@ class AmplitudeBalance:
 
     def force_spread(self, at: Response) -> Array:
         """Return the half width (n,) of the 95 % band of the force amplitude [N]."""
-        slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real / np.abs(at.force)[:, None]
-        slope -= np.abs(at.force)[:, None] / self._mass * self._following_mass
+        return self._spread(self._by_values(at) / np.abs(at.force)[:, None])
+
+    def _by_values(self, at: Response) -> Array:
+        """Return the slopes (n, p) of |F|^2/2 [N^2] by the values."""
+        slope = (np.conj(at.force)[:, None] * at.force_by[:, self._places]).real
+        return np.asarray(slope - np.abs(at.force)[:, None] ** 2 / self._mass * self._following_mass)
+
+    def _spread(self, slope: Array) -> Array:
+        """Return the half width (n,) of the 95 % band of what has slopes (n, p) by the values."""
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope).clip(0.0)
         return np.asarray(interval_sigmas() * np.sqrt(variance))
+
+    def peak_spread(self, size: Array, omega: Array) -> Array:
+        """Return the half width (n,) of the 95 % band [Hz] of the frequency of peaks at X (n,) [m]; NaN where
+        none lies there.
+
+        With P = |F|^2/2, P_omega is zero at a force: P_ww d omega + P_wX dX + P_wp dp = 0, P_X dX = -P_p dp.
+        """
+        peak, _ = self.backbone(size, omega)
+        middle, step = np.where(np.isfinite(peak), peak, omega), 1e4 * _FREQUENCY_TOLERANCE * omega
+        three = [self.solve(size, middle + by) for by in (-step, 0, step)]
+        low, power, high = (np.abs(at.force) ** 2 / 2 for at in three)
+        by_values = [self._by_values(at) for at in three]
+        by_size = [(np.conj(at.force) * at.force_slope).real / size for at in three]
+        bend, width = (high - 2 * power + low) / step**2, 2 * step
+        taken = by_values[1] * ((by_size[2] - by_size[0]) / width / by_size[1])[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            half = self._spread(((by_values[2] - by_values[0]) / width[:, None] - taken) / bend[:, None])
+            here = (np.abs(peak - omega) < step) & (half < MAX_LINEAR_CHANGE * omega)
+        return np.where(here, half / (2 * np.pi), np.nan)
 
     def frequency_spread(
         self, level: float, spread: Array, size: Array, omega: Array, start: ComplexArray
@@ -483,112 +504,3 @@ class MeasuredBalance(AmplitudeBalance):
 def balance_of(found: Identification) -> AmplitudeBalance:
     """Return the balance that predicts an identified structure."""
     return MeasuredBalance(found) if found.model.sensors else AmplitudeBalance(found)
-
-
-def table_as_identification(table: ModalTable) -> Identification:
-    """Return a modal table as an identification with ranges, levels, background, misfit and mass.
-
-    Raises
-    ------
-    RsgenError
-        The mass is not known, so that responses off resonance cannot be predicted.
-    """
-    if "damping_ratio" not in table.known:
-        raise RsgenError(
-            "predict: the modal table has no mass, so that responses off resonance do not follow; give the "
-            "mass to modal_table, or measure off resonance"
-        )
-    empty = np.zeros(0)
-    test = table.test
-    return Identification(
-        model=Model(ANY_LAW, observation=test.observation),
-        refined=(Estimate("m", table.splines.mass, 0.0, (table.splines.mass,) * 2, "kg"),),
-        covariance=np.zeros((1, 1)),
-        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units, test.base),
-        residual=table.misfit,
-        noise=table.misfit,
-        levels=test.levels,
-        amplitude_range=table.tested,
-        frequency_range=test.frequencies,
-        solution=np.zeros(len(Model(ANY_LAW).parameters)),
-        background=test.background,
-    )
-
-
-# ----------------------------------------------------------------------------
-# An oscillator with known values as an identification without any error, so that it can be predicted.
-
-_AMPLITUDES = np.geomspace(1e-12, 1e3, 601)
-"""Amplitudes [m] among which the resonances of an oscillator are sought."""
-
-_FREQUENCY_ITERATIONS = 4
-
-_FLANK_AMPLITUDE = 1e-2
-"""Smallest amplitude of a curve relative to that of the resonance."""
-
-HALF_WIDTHS = 8.0
-"""Half widths of the resonance on both sides of a curve."""
-
-_MIN_RELATIVE_WIDTH = 0.1
-"""Least width on both sides, relative to the frequency."""
-
-
-def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identification:
-    """Return an oscillator as an identification without errors, over the amplitudes of its resonances."""
-    values = oscillator.values
-    estimates = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in values.items())
-    amplitudes, frequencies = _resonant_ranges(oscillator, levels)
-    empty = np.zeros(0)
-    return Identification(
-        model=Model(oscillator.elements, oscillator.mass),
-        refined=estimates,
-        covariance=np.zeros((len(values), len(values))),
-        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool)),
-        residual=0.0,
-        noise=0.0,
-        levels=np.array(levels),
-        amplitude_range=amplitudes,
-        frequency_range=frequencies,
-    )
-
-
-def _resonant_ranges(
-    oscillator: Oscillator, levels: Sequence[float]
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ranges of amplitude [m] and frequency [Hz] of the resonances, to first order."""
-    function = derive(oscillator.force)
-    # each loop of states takes milliseconds
-    sizes = _AMPLITUDES[::4] if function.memory else _AMPLITUDES
-    omega = np.ones_like(sizes)
-    for _ in range(_FREQUENCY_ITERATIONS):
-        with np.errstate(all="ignore"):
-            first = function.evaluate(sizes, omega, oscillator.values, closing=False)
-            stiffness, damping = np.asarray(first.stiffness), np.asarray(first.damping)
-            closes = np.isfinite(stiffness) | (not function.memory)
-            sizes, stiffness, damping = sizes[closes], stiffness[closes], damping[closes]
-            omega = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / oscillator.mass)
-            omega = np.where(np.isfinite(omega), omega, 1.0)
-    with np.errstate(all="ignore"):
-        force = damping * omega * sizes
-    known = np.isfinite(force) & np.isfinite(stiffness) & (stiffness > 0)
-    reached = known & (force <= max(levels))
-    if reached[known][-1:].all():
-        end = f", whose memory has a loop up to {sizes[-1]:.3g} m," if function.memory and len(sizes) else ""
-        raise RsgenError(
-            f"predict: the resonance under {max(levels):g} N has no end; the law{end} needs damping, and a "
-            "stiffness that stays positive"
-        )
-    largest = float(sizes[reached][-1]) if reached.any() else float(sizes[known][0])
-    small = known & (force <= min(levels))
-    smallest = float(sizes[small][-1]) if small.any() else largest
-    chosen = known & (largest >= sizes) & (smallest * _FLANK_AMPLITUDE <= sizes)
-    width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
-    low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
-    around = max(HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)
-    ends = (max(low - around, _MIN_RELATIVE_WIDTH * low), high + around)
-    return (smallest * _FLANK_AMPLITUDE, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))
-
-
-def force_per_level(found: Identification) -> float:
-    """Return the force [N] for each m/s^2 of a driven base: the mass, or 1 where there is none."""
-    return found.mass if found.curve.base and np.isfinite(found.curve.units.kilogram) else 1.0

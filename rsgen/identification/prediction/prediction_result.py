@@ -97,6 +97,9 @@ class ResonanceCurve(Brief):
         "N", or "m/s^2" of a driven base and where forces are per unit mass.
     force
         Amplitude of the force, in newtons or per unit mass, as parameters are.
+    peak_interval
+        95 % bounds of the frequency of the largest amplitude [Hz]: equal without any error, NaN where not
+        known or the curve still rises.
     multiplier
         (k,) the Floquet multiplier that, with folds, decides on stability: below -1 the period doubles, as
         next to a stop on one side, beyond 1 the motion loses its symmetry. NaN where it is not computed:
@@ -114,6 +117,7 @@ class ResonanceCurve(Brief):
     folds: Array
     level_unit: str = "N"
     force: float = nan
+    peak_interval: tuple[float, float] = (nan, nan)
     multiplier: ComplexArray = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
     def __post_init__(self) -> None:
@@ -166,22 +170,6 @@ class ResonanceCurve(Brief):
         parts = [edges[at : at + count + 1] for at, count in zip(*true_runs(outside), strict=True)]
         texts = [f"{part.min():.3g} to {part.max():.3g} Hz" for part in sorted(parts, key=np.min)]
         return {"by": by, "where": " and ".join(texts)}
-
-
-def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -> tuple[Finding, ...]:
-    """Find that a run swept one way leaves the upper branch where a sweep the other way meets it.
-
-    ``top`` is its largest point, and in ``way`` the peak; a jump is known up to a step of the frequency.
-    """
-    frequency, sense = run.omega / (2 * np.pi), 1 if way == "up" else -1
-    beyond = (frequency - frequency[top]) * sense
-    step = float(beyond[beyond > 0].min(initial=inf))
-    for jump in curve.jumps if set(run.sweep) == {way} else ():
-        near = -step / 2 <= (jump.frequency - frequency[top]) * sense <= 2 * step < inf
-        if near and run.amplitude[top] > jump.amplitude and jump.sweep != way:
-            fold = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(jump.frequency, "Hz")}
-            return (Finding("direction-from-branch", "warning", "", fold, {"by": "jump", "sweep": way}),)
-    return ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
@@ -323,6 +311,8 @@ def largest_of_curve(
             numbers |= quantities("m", reached=size)
         else:
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
+            slow, fast = curve.peak_interval
+            numbers |= quantities("Hz", at_low=slow, at_high=fast) if slow < fast else {}
     return Finding(
         "level-predicted", "info", "", numbers, {name: said for name, said in names.items() if said}
     )
@@ -555,7 +545,10 @@ class Prediction(Printed):
                 top = int(np.nanargmax(curve.amplitude))
                 low, high = float(curve.lower[top]), float(curve.upper[top])
                 band = f"{short(low)} to {short(high)}" if low < high else ""
-                highest = [short(float(curve.amplitude[top])), band, short(float(curve.frequency[top]))]
+                (slow, fast), at = curve.peak_interval, float(curve.frequency[top])
+                digits = with_error(at, (fast - slow) / (2 * interval_sigmas())) if slow < fast else 5
+                around = f" ({slow:.{digits}g} to {fast:.{digits}g})" if slow < fast else ""
+                highest = [short(float(curve.amplitude[top])), band, f"{at:.{digits}g}{around}"]
                 highest[2] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
@@ -566,7 +559,7 @@ class Prediction(Printed):
             f"level [{unit}]",
             "largest fundamental [m]",
             f"{CONFIDENCE_TEXT} band",
-            "at [Hz]",
+            f"at [Hz] ({CONFIDENCE_TEXT} interval)",
             f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep",
             "extrapolated",
         )

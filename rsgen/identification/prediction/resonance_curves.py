@@ -40,12 +40,10 @@ from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
-from rsgen.identification.prediction.amplitude_balance import (
+from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, SynthesisBalance, balance_of
+from rsgen.identification.prediction.known_values import (
     HALF_WIDTHS,
-    AmplitudeBalance,
-    SynthesisBalance,
     as_identification,
-    balance_of,
     force_per_level,
     table_as_identification,
 )
@@ -55,7 +53,6 @@ from rsgen.identification.prediction.prediction_result import (
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
-    contradicted_sweep,
     force_changes,
     held_by_label,
     known_beyond,
@@ -66,6 +63,7 @@ from rsgen.identification.prediction.prediction_result import (
     points_under,
     score_points,
 )
+from rsgen.identification.resonance import contradicted_sweep
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION
 
@@ -421,6 +419,8 @@ def _curve(
     whole = np.concatenate(columns[1:] or [np.zeros((8, 0), complex)], axis=1)
     frequency, amplitude, phase, gain, lower, upper, sizes = whole[:7].real
     multiplier = whole[7]
+    top = np.argsort(amplitude)[np.isfinite(amplitude).sum() - 1 :][:1]
+    ends = frequency[top] + np.outer([-1, 1], balance.peak_spread(sizes[top], 2 * np.pi * frequency[top]))
     return ResonanceCurve(
         level=level,
         level_unit="m/s^2" if identification.curve.base else identification.curve.units.force,
@@ -436,6 +436,7 @@ def _curve(
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 3),
+        peak_interval=(float(ends[0, 0]), float(ends[1, 0])) if ends.size else (nan, nan),
         multiplier=multiplier,
     )
 

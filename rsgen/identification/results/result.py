@@ -104,9 +104,9 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     said = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
     if weighed:
         now = f"is with the test {short(mass.value, 5)} ± {short(mass.standard_error, 2)} kg"
-        moves = abs(mass.value - weighed[0]) / weighed[1]
-        if moves > STANDARD_ERRORS_OF_DIFFERENCE:
-            now += f", {moves:.2g} times that error off: law, mass or units of the channels are wrong"
+        away = abs(mass.value - weighed[0]) / weighed[1]
+        if away > STANDARD_ERRORS_OF_DIFFERENCE:
+            now += f", {away:.2g} times that error off: law, mass or units of the channels are wrong"
         elif mass.standard_error >= (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
             now = "is not checked by the test"
         given = f"{short(weighed[0], 5)} ± {short(weighed[1], 2)} kg (standard error)"
