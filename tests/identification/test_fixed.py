@@ -345,7 +345,7 @@ def test_a_mass_with_an_error_is_one_more_equation():
     # a wrong law moves a mass by many of its errors, and widens what it has: that was "not checked"
     off = {"value": 0.525, "standard_error": 0.006}
     moved = tuple(replace(one, **off) if one.name == "m" else one for one in asked)
-    assert "0.525 +- 0.006 kg, 4 times that error off" in mass_lines(replace(asked, refined=moved))[0]
+    assert "0.525 ± 0.006 kg, 4 times that error off" in mass_lines(replace(asked, refined=moved))[0]
     assert not asked.fixed
     assert "moves" not in asked.outcome.numbers
     # a symmetric law with a background fits as well where the mass allows what it moves, three of 0.3 g

@@ -183,8 +183,9 @@ def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_i
     # the same values but for what corners leave of a truncated waveform
     np.testing.assert_allclose([one.value for one in best], [one.value for one in alone], rtol=0.02)
     assert best.verdict.state == "rejected"
-    said = [f.names["kind"] for f in (*ranking.findings, *alone.findings) if f.code == "background-missing"]
-    assert said == ["phase", "phase"]
+    assert [f.names["kind"] for f in ranking.findings if f.code == "background-missing"] == ["phase"]
+    (turned,) = (f for f in alone.findings if f.code == "channels-delayed")
+    assert turned["turn"] == pytest.approx(-0.03, rel=0.01)
     assert [f.code for f in best.findings].count("background-missing") == 1
     assert any(f.names.get("background") for f in best.findings if f.code == "no-law-fits")
 
