@@ -194,6 +194,18 @@ def test_a_spring_that_is_nothing_has_its_largest_share_of_the_force():
     assert "share" not in unseen["c3"].numbers
 
 
+def test_a_width_of_friction_that_is_nothing_leaves_coulombs():
+    """It was told to leave its term out, which is all of the friction."""
+    law, values = "k*x + c*v + Ff*tanh(v/vs)", {"k": 6000.0, "c": 4.0, "Ff": 0.8, "vs": 2e-3}
+    plan = rs.SimulatedTest([2, 5], np.linspace(9, 11, 15), method="harmonic-balance", noise_relative=0.01)
+    width = rs.identify(rs.simulate(rs.Oscillator(1.5, law, values), plan), law)["vs"].finding
+    assert (width.code, width.names) == (
+        "not-distinct-from-zero",
+        {"smooth": "tanh(v/vs)", "jump": "sign(v)"},
+    )
+    assert "leave its term out" not in sentence(width)
+
+
 def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():
     test = rs.SimulatedTest([0.5, 1, 2], np.linspace(8.5, 12, 30), noise_relative=1e-2)
     surface = rs.simulate(rs.Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 4.0}), test)

@@ -416,8 +416,17 @@ class _Reasons:
         if np.isfinite(error) and not is_significant(value, error):
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
             numbers |= self._share(name, abs(value) + interval_sigmas() * error)
-            return Finding("not-distinct-from-zero", "warning", name, numbers)
+            return Finding("not-distinct-from-zero", "warning", name, numbers, self._without_width(name))
         return None
+
+    def _without_width(self, name: str) -> dict[str, str]:
+        """Return what a smooth jump becomes if its width is zero, as sign(v) of tanh(v/vs); empty if none."""
+        width, step = symbol(name), sympy.Dummy()
+        for smooth in self.force.atoms(sympy.tanh):
+            across = smooth.args[0] * width
+            if not (across.has(width) or self.force.xreplace({smooth: step}).has(width)):
+                return {"smooth": write(smooth), "jump": write(sympy.sign(across))}
+        return {}
 
     def _share(self, name: str, largest: float) -> dict[str, Quantity]:
         """Return the share of a spring's term, with the ``largest`` value, in the force at large amplitudes.
