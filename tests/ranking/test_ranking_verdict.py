@@ -18,6 +18,7 @@ from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import rank
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round
+from rsgen.identification.ranking.rank_laws import _best_round, _Compared
 from rsgen.identification.ranking.ranking_result import Assessment, Candidate, _best_law_finding, assess_best
 from rsgen.identification.ranking.reference import PointTest
 from rsgen.identification.results import Identification
@@ -246,6 +247,19 @@ def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest
         (found,) = along.exclusions(along.leader)
         assert found["excluded"] > 0
         assert {name: int(found[name]) for name in found.numbers if name != "excluded"} == sample
+
+
+def test_rounds_are_compared_at_the_points_of_all() -> None:
+    """A motion with fewer points, and less misfit there, was taken before one that has more."""
+    test = PointTest(measured("cubic"), BASE, ())
+    whole = test.along(CandidateLaw("", BASE.elements, {"k": STIFFNESS, "c": DAMPING, "m": MASS}), None)
+    assert whole is not None
+    size = np.abs(whole.leader.residual[:, whole.rows.compared]).max(axis=1)
+    inside = np.flatnonzero(size < np.median(size))
+    leader = replace(whole.leader, residual=whole.leader.residual[inside])
+    fewer = replace(whole, reference=whole.reference.select(inside), leader=leader)
+    rounds = [_Compared(test, one, [], []) for one in (fewer, whole)]
+    assert _best_round(rounds) is rounds[1]
 
 
 def test_a_ranking_names_level_and_frequencies_of_the_points_that_it_excludes() -> None:

@@ -407,6 +407,10 @@ class Round(ABC):
         """Find an even force that a law lacks; None if there is none."""
         return None
 
+    def left_at_common(self, rounds: Sequence[Round]) -> float:
+        """Return the relative misfit of the leader, of points at those that all the rounds have."""
+        return self.relative(self.leader.residual)
+
     @abstractmethod
     def relative(self, residual: Array) -> float:
         """Return the root mean square of a residual (n, r) relative to force and response [1]."""

@@ -181,11 +181,11 @@ def rank(
 
 
 def _best_round(rounds: list[_Compared]) -> _Compared:
-    """Return the last of the rounds that leave least: rounds may go in a circle.
+    """Return the last of the rounds that leave least at the points of all: rounds may go in a circle.
 
     What seems noise counts, too: along the motion of a wrong law a few points may hide its misfit.
     """
-    misfits = [one.round.relative(one.round.leader.residual) for one in rounds]
+    misfits = [one.round.left_at_common([other.round for other in rounds]) for one in rounds]
     least = min(misfits) + MISFIT_NEGLIGIBLE
     return next(one for one, misfit in zip(rounds[::-1], misfits[::-1], strict=True) if misfit <= least)
 

@@ -8,9 +8,9 @@ one. Noise is estimated from the differences between neighbouring points, which 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from math import nan
 from typing import ClassVar
 
@@ -438,6 +438,12 @@ class PointRound(Round):
         moved = replace(fit, residual=residual, compared=self.rows.compared, unit=own.unit)
         return replace(moved, predict_levels=lambda: move(predict(), of_leader())), settled
 
+    def left_at_common(self, rounds: Sequence[Round]) -> float:
+        """Return the relative misfit of the leader at the points that all the rounds have."""
+        others = [one.reference.chosen for one in rounds if isinstance(one, PointRound)]
+        common = np.isin(self.reference.chosen, reduce(np.intersect1d, others))
+        return self.relative(self.leader.residual[common | ~common.any()])
+
     def relative(self, residual: Array) -> float:
         """Return the root mean square of the compared rows of a residual, relative to force and response."""
         scale = np.repeat(self.noises, 2)[1:]
@@ -556,9 +562,7 @@ class PointTest(RankedTest):
             pairs = reference.motion.points.pairs(~outliers_of(leader, noise))
             _, random = _neighbour_noise(leader.residual, pairs, rows.compared)
             noise = np.maximum(noise * np.where(np.isfinite(random), random, 1.0), MISFIT_NEGLIGIBLE)
-        if leader.fault:
-            return None
-        return PointRound(rows, leader, reference, noise, self)
+        return None if leader.fault else PointRound(rows, leader, reference, noise, self)
 
 
 def _held(points: Points, base: Model, sensors: str) -> NDArray[np.bool_]:
