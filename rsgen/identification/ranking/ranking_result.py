@@ -189,9 +189,12 @@ class Ranking(Printed):
             if "background-missing" in missing:
                 kept = (f for f in kept if not _of_background(f))
             found = changed(found, findings=tuple(kept))
-            # the ranking has its doubts already
+            # the ranking has its doubts already; a background of phase is a channel that is off
             said = {_topic(f) for f in found.findings}
-            against = tuple(f for f in against if _topic(f) not in said)
+            off = any(f.code == "channels-delayed" for f in found.findings)
+            against = tuple(
+                f for f in against if not (_topic(f) in said or off and f.names.get("kind") == "phase")
+            )
             # of a law that is the best of those that do not fit a ranking is no advice
             names = {} if self.fits else {"ranked": "none fits"}
             own = (
