@@ -275,7 +275,8 @@ def test_a_ranking_names_level_and_frequencies_of_the_points_that_it_excludes() 
     assert run["level"] == level
     assert abs(run["low"] - table.frequency[spoil].min()) < 0.3
     assert abs(run["high"] - table.frequency[spoil].max()) < 0.3
-    # the counts of all levels are those of the ranking
+    # the counts of all levels are those of the ranking, and say so: a fit excludes other points
+    assert "comparison" in sentence(run)
     counted = [f.names for f in ranking.findings if f.code == "points-excluded" and f != run]
     assert {"by": "ranking"} in counted
 
