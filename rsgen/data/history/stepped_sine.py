@@ -222,7 +222,11 @@ def _directions(frequency: Array) -> NDArray[np.str_]:
 
 
 def _crossings(force: NDArray[Any]) -> tuple[Array, Array]:
-    """Return upward zero crossings of a force [samples, interpolated], and its rms until the next one."""
+    """Return upward zero crossings of a force without its mean [samples, interpolated], and its rms between."""
+    mean = float(np.mean(force, dtype=np.float64))
+    # the offset of a drive may exceed its amplitude
+    if abs(mean) > MAX_IDLE_FORCE * float(np.ptp(force)):
+        force = force - mean
     loudest = max(float(np.sqrt(np.mean(np.square(block, dtype=np.float64)))) for block in blocks(force))
     up = np.flatnonzero((force[:-1] < 0) & (force[1:] >= 0))
     if not len(up):
