@@ -191,10 +191,9 @@ class Ranking(Printed):
             found = changed(found, findings=tuple(kept))
             # the ranking has its doubts already; a background of phase is a channel that is off
             said = {_topic(f) for f in found.findings}
-            off = any(f.code == "channels-delayed" for f in found.findings)
-            against = tuple(
-                f for f in against if not (_topic(f) in said or off and f.names.get("kind") == "phase")
-            )
+            if any(f.code == "channels-delayed" for f in found.findings):
+                against = tuple(f for f in against if f.names.get("kind") != "phase")
+            against = tuple(f for f in against if _topic(f) not in said)
             # of a law that is the best of those that do not fit a ranking is no advice
             names = {} if self.fits else {"ranked": "none fits"}
             own = (
