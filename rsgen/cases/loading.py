@@ -312,9 +312,14 @@ class _Builder:
 
     def mass(self) -> float | None:
         value = self.document.system.mass
-        if value is not None:
+        if isinstance(value, str) and re.search(r"±|\+/?-", value):
+            self.fault(
+                "system.mass",
+                f'{quote(value)} has an error; it stands under mass_error, as mass_error = "15 g"',
+            )
+        elif value is not None:
             return self.maker.number("system.mass", value, KNOWN_MASS)
-        if self.simulated:
+        elif self.simulated:
             self.fault("system.mass", 'is missing; a simulated case needs a mass such as "1.5 kg"')
         return None
 

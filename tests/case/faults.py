@@ -75,7 +75,7 @@ OF_SIMULATED: list[Changes] = [
     {"truth.kn2": 1}, {"truth.c1": "3.8"}, {"test.level.count": 0, "titel": "x"},
     {"name": "a/b", "system.mass": 0, "truth.kn1": GONE}, {"title": "A", "titel": "B"},
     {"element.2.forse": "x"}, {"test.level.step": 2}, {"system.mass_error": "1 g"},
-    {"system.mass": {"value": "1.5 kg", "error": "15 g"}},
+    {"system.mass": {"value": "1.5 kg", "error": "15 g"}}, {"system.mass": "1.5 kg ± 15 g"},
     {"test.frequency": GONE, "test.frequncy": {"start": 7, "stop": 13, "count": 5}},
     *(
         {"element.2.force": "c1*v + z", "element.2.memory": memory, "truth.a": 1.0, "truth.b": 1.0}
