@@ -222,7 +222,7 @@ def _directions(frequency: Array) -> NDArray[np.str_]:
 
 
 def _crossings(force: NDArray[Any]) -> tuple[Array, Array]:
-    """Return upward zero crossings of a force without its mean [samples, interpolated], and its rms between."""
+    """Return upward zero crossings of a force less its mean [samples, interpolated], and its rms between."""
     mean = float(np.mean(force, dtype=np.float64))
     # the offset of a drive may exceed its amplitude
     if abs(mean) > MAX_IDLE_FORCE * float(np.ptp(force)):
