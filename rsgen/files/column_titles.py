@@ -211,7 +211,7 @@ def _is_another(unit: str, said: str) -> bool:
     """Return True for a unit of another size or dimension than ``said``, or where nothing is said."""
     own, other = (sensor_size(one, unit) for one in (unit, said))
     if own is None or other is None:
-        return not said or (is_of_signal(unit) and is_of_signal(said))
+        return not said or all(is_of_signal(one) or one in ("Hz", "rad/s", "rpm") for one in (unit, said))
     return abs(other - own) > _UNIT_TOLERANCE * own
 
 

@@ -31,7 +31,7 @@ from rsgen.data.surface.columns import recognise_directions
 from rsgen.data.surface.mode_findings import mixed_levels
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.column_titles import contradiction, is_angular, unit_in
+from rsgen.files.column_titles import contradiction, is_angular, split_title, unit_in
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_motions
 from rsgen.files.inspection.listing import list_contents
@@ -212,13 +212,14 @@ def _level_factor(test: MeasuredTest, unit: str) -> float:
 def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
     """Find what the numbers of the frequency are in Hz; a doubt where their title says otherwise."""
     column = cast("int | str", test.frequency)
-    unit = unit_in(table.names.get(column, ""))
-    if test.frequency_unit is not None:
-        other = unit in HERTZ and HERTZ[unit] != test.frequency_factor
-        return test.frequency_factor, [
-            contradiction(table.label, table.names.get(column, str(column)), test.frequency_unit, unit)
-        ] if other else []
-    unit, title = table.units.get(column, ""), table.names.get(column, "")
+    title, unit = table.names.get(column, ""), table.units.get(column, "")
+    read_as = test.frequency_unit or unit
+    factor, name = HERTZ.get(read_as, 1.0), split_title(title)[0]
+    # a row of units may have added another unit to the title
+    others = [one for one in (unit_in(name), unit_in(title)) if HERTZ.get(one, factor) != factor]
+    doubts = [contradiction(table.label, title or str(column), read_as or "Hz", one) for one in others[:1]]
+    if test.frequency_unit is not None or doubts:
+        return factor, doubts
     if table.unit_of_place == "row":
         title = title.rpartition("/")[2]
     if unit in HERTZ and unit != "Hz":

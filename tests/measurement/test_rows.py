@@ -13,7 +13,7 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.surface.mode_findings import row_findings
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.plan import Layout, LevelRule, MeasuredTest
+from rsgen.files.plan import HERTZ, Layout, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.files.text_columns import read_columns
 from rsgen.report.sentences import next_step
@@ -127,6 +127,17 @@ def test_another_unit_in_the_row_below_a_title_is_doubted(tmp_path, unit, row, r
     surface = read_measurement(MeasuredTest(path, "f", *signals, "displacement", phase_known=False))
     found = [f.names for f in surface.findings if f.severity == "doubt"]
     assert [(names["unit"], names["title"]) for names in found] == [(read_in, said) for said in says]
+
+
+@pytest.mark.parametrize(("title", "row"), [("f [Hz]", "rad/s"), ("f_Hz", "kHz"), ("w (rad/s)", "Hz")])
+def test_another_unit_of_the_frequency_in_the_row_below_its_title_is_doubted(tmp_path, title, row):
+    """A column of Hz over rad/s kept the title without a word."""
+    path = text(tmp_path / "a.csv", f"{title},F,x\n{row},N,mm\n1,2,3\n2,2,4\n")
+    signals = Channel(amplitude="F", unit="N"), Channel(amplitude="x", unit="mm")
+    surface = read_measurement(MeasuredTest(path, 1, *signals, "displacement", phase_known=False))
+    (doubt,) = (f.names for f in surface.findings if f.severity == "doubt")
+    assert (doubt["unit"], doubt["title"]) == (row, unit_in(title))
+    assert surface.frequency[0] == pytest.approx(HERTZ[row])
 
 
 def test_an_angle_read_in_another_unit_than_its_title_is_doubted(tmp_path):
