@@ -255,12 +255,16 @@ def _averaged_shapes(priced: list[tuple[float, ModeProblem]]) -> list[tuple[floa
     """Return the likely of the shapes, which have their AIC or BIC, with their weights.
 
     If the best is curved, all of them only approximate: the best in each coordinate, with equal weights.
+    What one misses is systematic, so that all points count as a single one: its misfit is at most some thirty
+    times that of the best.
     """
     best = min(priced, key=lambda entry: entry[0])[1]
     if best.basis.degree < _CURVED_DEGREE:
         return likely(priced)
     of_power = [[entry for entry in priced if entry[1].basis.power == power] for power in _POWERS]
-    return [(1 / len(of_power), min(entries, key=lambda entry: entry[0])[1]) for entries in of_power]
+    ends = [min(entries, key=lambda entry: entry[0]) for entries in of_power]
+    near = likely([(price / len(one.seen.mode), one) for price, one in ends])
+    return [(1 / len(near), one) for _, one in near]
 
 
 def _fit_shapes(

@@ -88,6 +88,9 @@ def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_dampin
     assert "damping_ratio" not in repr(table)
     with pytest.raises(RsgenError, match="give the mass"):
         rsgen.predict(table, [1.0])
+    # it was 2 %, by shapes over ln X and 1/X that no point is near
+    bent = rsgen.modal_table(phase_resonance(X, kn=KN1 * (1 + 100 * X**2)))
+    assert np.all(bent.frequency_upper - bent.frequency_lower < 1e-3 * bent.frequency)
 
 
 def softening_beside_a_mode(seed: int, residue: float = 0.25) -> ResponseSurface:
