@@ -614,7 +614,9 @@ def test_jumps_and_the_largest_amplitude_have_the_intervals_that_the_values_give
     ends = [balance_of(as_identification(one, [level])).peak(level, (50.0, 80.0))[0][0] for one in moved]
     slow, fast = prediction[level].peak_interval
     assert fast - slow == pytest.approx(1.96 * abs(ends[1] - ends[0]) / (2 * np.pi), rel=0.01)
-    assert slow < prediction[level].frequency[np.nanargmax(prediction[level].amplitude)] < fast
+    middle = balance_of(found).peak(level, (50.0, 80.0))[0][0] / (2 * np.pi)
+    assert (slow + fast) / 2 == pytest.approx(middle, rel=1e-9)
+    assert prediction[level].largest[0] == (slow + fast) / 2
     cut = predict(found, [level], band=(9.0, 0.99 * slow))[level]
     assert cut.rises_at_end
     assert np.isnan(cut.peak_interval).all()

@@ -344,14 +344,14 @@ def _resonance(point: Resonance) -> dict[str, Any]:
 
 def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
     """Return the largest fundamental [m] of a curve, its 95 % band, where it is [Hz], and jumps [Hz, m]."""
-    top = [int(np.nanargmax(curve.amplitude))] if len(curve.frequency) else []
-    highest = {name: getattr(curve, name)[top] for name in ("amplitude", "frequency", "lower", "upper")}
+    largest = curve.largest if len(curve.frequency) else (math.nan,) * 4
+    names = ("frequency", "amplitude", "lower", "upper")
     return {
         "level": finite_or_none(curve.level),
         "level_unit": curve.level_unit,
-        **{name: next(iter(numbers_or_none(value)), None) for name, value in highest.items()},
+        **{name: finite_or_none(value) for name, value in zip(names, largest, strict=True)},
         "frequency_interval": list(map(finite_or_none, curve.peak_interval)),
-        "still_rising": bool(top) and curve.rises_at_end,
+        "still_rising": len(curve.frequency) > 0 and curve.rises_at_end,
         "jumps": [
             {
                 "frequency": jump.frequency,

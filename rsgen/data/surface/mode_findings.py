@@ -198,8 +198,11 @@ def mixed_levels(surface: ResponseSurface) -> list[Finding]:
     readings = np.split(np.log(surface.amplitude[rows]), edges)
     levels, frequencies = len(np.unique(level)), len(np.unique(frequency))
     if levels > 1:
-        possible, names = levels > frequencies, {"rows": "columns"}
-        moved = np.median([np.max(one) - one[-1] for one in readings])
+        names = {"rows": "columns"}
+        driven = np.split(np.log(np.abs(surface.force[rows])), edges)
+        moved, fell = (np.median([max(one) - one[-1] for one in parts]) for parts in (readings, driven))
+        # where the force falls, too, levels are numbers of runs
+        possible = levels > frequencies and fell < np.log(LEVEL_TOLERANCE)
     else:
         possible = np.ptp(np.log(np.abs(surface.force[rows]))) < np.log(LEVEL_TOLERANCE)
         moved, names = np.median([np.ptp(one) for one in readings]), {"rows": "readings"}

@@ -237,9 +237,11 @@ def _with_listed_names(found: list[Entry], contents: Contents) -> list[Entry]:
     families: dict[tuple[str, int], list[Entry]] = defaultdict(list)
     for entry in found:
         channels = channels_of(entry, contents)
-        listed = len(channels) > 1 and _listed(entry.path, len(channels), contents)[0]
+        # an array that says what it holds has levels or runs in its columns
+        own = FORCE(entry) or RESPONSE(entry)
+        listed = len(channels) > 1 and not own and _listed(entry.path, len(channels), contents)[0]
         columns += channels if listed else [entry]
-        if len(channels) == 1 < entry.size and not entry.title and entry.path[-1:].isdecimal():
+        if len(channels) == 1 < entry.size and not (entry.title or own) and entry.path[-1:].isdecimal():
             families[entry.path.rpartition("/")[0], entry.size].append(entry)
     for family in families.values():
         family.sort(key=lambda entry: natural_order(entry.path))

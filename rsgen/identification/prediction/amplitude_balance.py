@@ -40,7 +40,8 @@ from rsgen.dynamics.harmonic_balance import (
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
-from rsgen.identification.prediction.prediction_result import BEYOND, force_changes
+from rsgen.identification.prediction.prediction_result import BEYOND
+from rsgen.identification.resonance import force_changes
 from rsgen.identification.results import Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
@@ -121,9 +122,8 @@ class AmplitudeBalance:
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope).clip(0.0)
         return np.asarray(interval_sigmas() * np.sqrt(variance))
 
-    def peak_spread(self, size: Array, omega: Array) -> Array:
-        """Return the half width (n,) of the 95 % band [Hz] of the frequency of peaks at X (n,) [m]; NaN where
-        none lies there.
+    def peak_interval(self, size: Array, omega: Array) -> Array:
+        """Return the 95 % bounds (2, n) [Hz] of the frequency of peaks at X (n,) [m]; NaN where none is near.
 
         With P = |F|^2/2, P_omega is zero at a force: P_ww d omega + P_wX dX + P_wp dp = 0, P_X dX = -P_p dp.
         """
@@ -138,7 +138,7 @@ class AmplitudeBalance:
         with np.errstate(divide="ignore", invalid="ignore"):
             half = self._spread(((by_values[2] - by_values[0]) / width[:, None] - taken) / bend[:, None])
             here = (np.abs(peak - omega) < step) & (half < MAX_LINEAR_CHANGE * omega)
-        return np.where(here, half / (2 * np.pi), np.nan)
+        return np.where(here, (peak + np.outer([-1, 1], half)) / (2 * np.pi), np.nan)
 
     def frequency_spread(
         self, level: float, spread: Array, size: Array, omega: Array, start: ComplexArray

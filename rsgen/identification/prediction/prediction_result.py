@@ -5,10 +5,10 @@ The error of a prediction is |predicted - measured|/|measured|, in root mean squ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf, isfinite, nan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from rsgen.data.record_set import level_name, match_level
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
 from rsgen.formula.units import quantity_text
 from rsgen.identification.fitting.points import Points
+from rsgen.identification.resonance import force_rise
 from rsgen.identification.results import Identification
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at
@@ -148,6 +149,19 @@ class ResonanceCurve(Brief):
             landing = float(there[np.argmin(np.abs(there - height))]) if len(there) else nan
             found.append(Jump(fold, height, (fold - half, fold + half), way, landing))
         return tuple(found)
+
+    @property
+    def largest(self) -> tuple[float, float, float, float]:
+        """Frequency [Hz] of the largest amplitude, that amplitude and its 95 % bounds [m].
+
+        A curve has its ends on both sides of a peak; the middle of ``peak_interval`` lies between them.
+        """
+        top = int(np.nanargmax(self.amplitude))
+        size, low, high, at = (
+            float(of[top]) for of in (self.amplitude, self.lower, self.upper, self.frequency)
+        )
+        middle = sum(self.peak_interval) / 2
+        return (middle if np.isfinite(middle) else at), size, low, high
 
     @property
     def rises_at_end(self) -> bool:
@@ -295,8 +309,7 @@ def largest_of_curve(
     names = {"base": base, "jumps": jumps, **curve.lost}
     if len(rows):
         top = int(np.nanargmax(curve.amplitude))
-        ends = curve.frequency, curve.amplitude, curve.lower, curve.upper
-        at, size, low, high = (float(of[top]) for of in ends)
+        at, size, low, high = curve.largest
         names["beyond"] = "yes" if curve.extrapolated[top] else ""
         names["stability"] = "folds" if np.isnan(curve.multiplier).all() else ""
         numbers |= quantities("Hz", at=at)
@@ -316,23 +329,6 @@ def largest_of_curve(
     return Finding(
         "level-predicted", "info", "", numbers, {name: said for name, said in names.items() if said}
     )
-
-
-def _change_near(
-    amplitude: Array, force: Array | ComplexArray, typical: Callable[[Array], Any] = np.median
-) -> float:
-    """Return by how much the force of the points (n,) of a level is larger near its resonance than elsewhere,
-    relative: the ``typical`` one there.
-    """
-    near, size = amplitude >= HALF_POWER * np.max(amplitude), np.abs(force)
-    return float(typical(size[near]) / np.median(size[~near]) - 1) if not near.all() else 0.0
-
-
-def force_changes(amplitude: Array, force: Array | ComplexArray) -> bool:
-    """Return whether the force of the points (n,) of a level is another one near its resonance, as without
-    control; the points lie on no curve of one force then, and the shaker decides on their stability, too.
-    """
-    return abs(_change_near(amplitude, force)) > HELD_OUT_ERROR_SMALL
 
 
 def known_beyond(
@@ -413,8 +409,8 @@ def levels_meant(
     held = np.array([item.force for item in held_out])
     new = [one for one in new if not (np.abs(held / one.force - 1) <= RELATIVE_CHANGE_NEGLIGIBLE).any()]
     highest = max(runs, key=lambda pair: pair[1], default=None)
-    if new and highest and -_change_near(highest[0].amplitude, highest[0].force) > HELD_OUT_ERROR_SMALL:
-        numbers = quantities(fell=max(-_change_near(run.amplitude, run.force, np.min) for run, _ in runs))
+    if new and highest and -force_rise(highest[0].amplitude, highest[0].force) > HELD_OUT_ERROR_SMALL:
+        numbers = quantities(fell=max(-force_rise(run.amplitude, run.force, np.min) for run, _ in runs))
         by = {"by": "force"} | ({"base": "yes"} if found.curve.base else {})
         findings.append(Finding("level-predicted", "info", "", numbers, by))
     return findings
@@ -543,12 +539,11 @@ class Prediction(Printed):
             highest, extrapolated = [short(nan)] * 3, ""
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
-                low, high = float(curve.lower[top]), float(curve.upper[top])
+                (slow, fast), (at, size, low, high) = curve.peak_interval, curve.largest
                 band = f"{short(low)} to {short(high)}" if low < high else ""
-                (slow, fast), at = curve.peak_interval, float(curve.frequency[top])
                 digits = with_error(at, (fast - slow) / (2 * interval_sigmas())) if slow < fast else 5
                 around = f" ({slow:.{digits}g} to {fast:.{digits}g})" if slow < fast else ""
-                highest = [short(float(curve.amplitude[top])), band, f"{at:.{digits}g}{around}"]
+                highest = [short(size), band, f"{at:.{digits}g}{around}"]
                 highest[2] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"

@@ -53,7 +53,6 @@ from rsgen.identification.prediction.prediction_result import (
     HeldOutLevel,
     Prediction,
     ResonanceCurve,
-    force_changes,
     held_by_label,
     known_beyond,
     largest_of_curve,
@@ -63,7 +62,7 @@ from rsgen.identification.prediction.prediction_result import (
     points_under,
     score_points,
 )
-from rsgen.identification.resonance import contradicted_sweep
+from rsgen.identification.resonance import contradicted_sweep, force_changes
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION
 
@@ -420,7 +419,7 @@ def _curve(
     frequency, amplitude, phase, gain, lower, upper, sizes = whole[:7].real
     multiplier = whole[7]
     top = np.argsort(amplitude)[np.isfinite(amplitude).sum() - 1 :][:1]
-    ends = frequency[top] + np.outer([-1, 1], balance.peak_spread(sizes[top], 2 * np.pi * frequency[top]))
+    ends = balance.peak_interval(sizes[top], 2 * np.pi * frequency[top])
     return ResonanceCurve(
         level=level,
         level_unit="m/s^2" if identification.curve.base else identification.curve.units.force,

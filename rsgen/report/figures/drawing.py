@@ -29,7 +29,7 @@ from rsgen.describing.function import DescribingFunction
 from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
-from rsgen.identification.prediction.prediction_result import force_changes
+from rsgen.identification.resonance import force_changes
 from rsgen.identification.results import Identification
 
 # Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
