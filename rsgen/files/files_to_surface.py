@@ -489,6 +489,8 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
         stated.append(Finding("unit-of-file", "doubt", names={"default": ", ".join(amounts)}))
     if hertz:
         stated.append(Finding("unit-of-file", "info", names={"default": ", ".join(hertz)}))
+    if test.base is not None and not test.level.known:
+        stated.append(Finding("not-recorded", "info", names={"signal": "levels"}))
     return replace(table, findings=tuple(stated))
 
 

@@ -290,7 +290,7 @@ def headline(verdict: Verdict) -> str:
             f"{number_text(100 * summary['misfit'], 2)} %"
             + "; no mass was given, so nothing checks the units of force and response"
             * ("mass" in summary.names)
-            + "; levels are labels, so nothing checks the unit of base and response"
+            + "; levels are no amounts that were set, so nothing checks the unit of base and response"
             * ("levels" in summary.names)
         )
     return f"{verdict.state.capitalize()}: {sentence(summary)}"  # of judged values, or of a ranking

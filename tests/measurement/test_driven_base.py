@@ -145,7 +145,10 @@ def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base
         tmp_path / "a.csv", 1, None, Channel(real=3, imaginary=4, phase_sense="lead"), "displacement",
         base=BaseRule(Channel(amplitude=2, quantity=quantity), "relative"),
     )  # fmt: skip
-    assert np.sort(read_measurement(test).levels) == pytest.approx([3.0, 9.0], rel=0.01)
+    surface = read_measurement(test)
+    assert np.sort(surface.levels) == pytest.approx([3.0, 9.0], rel=0.01)
+    # levels that were measured check no unit
+    assert [f.names for f in surface.findings if f.code == "not-recorded"] == [{"signal": "levels"}]
 
 
 def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):

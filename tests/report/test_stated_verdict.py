@@ -102,7 +102,7 @@ def test_a_verdict_says_that_nothing_checks_the_units(origin, given, said):
 
 
 @pytest.mark.parametrize(("labels", "given", "said"), [
-    (True, {}, True), (True, {"m": MASS}, True), (False, {}, False),
+    (True, {}, True), (True, {"m": MASS}, True), (False, {}, False), (None, {}, True),
     (True, {"m": MASS, "k": 5920.0}, True), (True, {"m": MASS, "kn": truth("cubic")["kn"]}, False),
 ])  # fmt: skip
 def test_a_verdict_says_that_levels_are_labels_and_no_check_of_accelerations(labels, given, said):
@@ -113,6 +113,9 @@ def test_a_verdict_says_that_levels_are_labels_and_no_check_of_accelerations(lab
         table, force=table.force / MASS, level=table.level / MASS, label=names, base="acceleration",
         per_mass=True, origin="measured",
     )  # fmt: skip
+    if labels is None:
+        # as reading says it where a case has no levels
+        shaken = changed(shaken, findings=(Finding("not-recorded", "info", names={"signal": "levels"}),))
     found = rsgen.identify(shaken, model("cubic").elements, fixed=given)
     assert found.verdict.state == "identified", rsgen.explain(found)
     assert ("nothing checks the unit of base and response" in rsgen.explain(found)) is said

@@ -212,7 +212,8 @@ def what_checks_units(test: Records, model: Model, units: Mapping[str, str]) -> 
         return ""
     if test.base:
         has_length = any(read_unit(unit).dimension.powers.get("m") for unit in given)
-        return "" if test.label is None or has_length else "levels"
+        measured = any(found.names.get("signal") == "levels" for found in test.findings)
+        return "levels" if (measured or test.label is not None) and not has_length else ""
     return "" if model.weighed or any("N" in unit for unit in given) else "mass"
 
 
