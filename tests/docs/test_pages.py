@@ -67,10 +67,7 @@ def test_thresholds_of_a_severity_come_first_and_words_of_names_stand_below():
     marked = {name for name, mark in thresholds if mark}
     assert marked == {"MISFIT_DOUBTFUL_PATTERN_UNSEEN", "MISFIT_DOUBTFUL_WITH_PATTERN", "MISFIT_REJECTED"}
     assert {name for name, _ in thresholds[:3]} == marked
-    assert (
-        "\\<by>: no candidate explains them, "
-        in texts["points-excluded"]
-    )
+    assert "\\<by>: no candidate explains them, " in texts["points-excluded"]
 
 
 ROWS = {**EXCITATIONS, **MODIFIERS}
