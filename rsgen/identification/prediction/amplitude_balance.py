@@ -294,15 +294,25 @@ class AmplitudeBalance:
         return [(low, high) for low, high in zip(ends[::2], ends[1::2], strict=False) if high > low]
 
     def _refine_end(self, low: float, high: float, level: float) -> float:
-        """Return the amplitude [m] between two others whose least force is the level [N]."""
+        """Return the amplitude [m] between two others whose least force is the level [N].
+
+        It is interpolated once the force is all but a line around it, a millionth inside, where both sides
+        are distinct; at a step or a gap one of the points is the end.
+        """
+        inside = level * (1 - 10 * _FREQUENCY_TOLERANCE)
         for _ in range(3):
             size = np.linspace(low, high, _BISECTION_POINTS)
             if (low, high) not in self._least_between:
                 _, force = self.backbone(size, self._interpolated_frequency(size))
                 self._least_between[low, high] = force
-            reached = self._least_between[low, high] <= level
+            force = self._least_between[low, high]
+            reached = force <= level
             i = next(iter(np.flatnonzero(np.diff(reached.astype(int)))), 0)
             low, high = float(size[i]), float(size[i + 1])
+            steps = np.diff(force[max(i - 1, 0) : i + 3])
+            line = np.ptp(steps) < RELATIVE_CHANGE_NEGLIGIBLE * abs(force[i + 1] - force[i])
+            if line and reached[i] != reached[i + 1]:
+                return low + (high - low) * float((inside - force[i]) / (force[i + 1] - force[i]))
         return low if reached[i] else high
 
     def peak(self, level: float, window: tuple[float, float]) -> tuple[Array, Array]:
