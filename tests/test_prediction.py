@@ -30,6 +30,7 @@ from rsgen.identification.prediction.known_values import as_identification
 from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
 from rsgen.identification.prediction.resonance_curves import predict_held_out, predict_shown
 from rsgen.identification.results.result import held_out_lines
+from rsgen.law.motion import Motion
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from tests.oracles.swept import sweep
 from tests.surfaces import changed, model, noisy, surface
@@ -395,8 +396,7 @@ def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(bas
     assert said not in predict_shown(table, found).findings
     assert sentence(said) in str(found)
     ((largest, at),) = [
-        (float(np.nanmax(curve.amplitude)), float(curve.frequency[np.nanargmax(curve.amplitude)]))
-        for curve in predict(found, [asked], table)
+        (curve.largest[1], curve.largest[0]) for curve in predict(found, [asked], table)
     ]
     assert (said["level"], said["amplitude"], said["at"]) == (
         asked,
@@ -505,6 +505,20 @@ def test_where_the_period_doubles_next_to_a_stop_the_curve_is_unstable():
     (said,) = (f for f in prediction.findings if f.code == "motion-does-not-last")
     assert (said["level"], said["levels"], said.names["by"]) == (16.0, 2, "period")
     assert "doubles its period from 45.7 to 60.3 Hz" in sentence(said)
+
+
+def test_the_travel_at_the_largest_amplitude_is_that_of_the_motion_in_time():
+    """The fundamental alone was predicted: a law that is not symmetric moves a tenth further."""
+    values = {"k": 98000.0, "k2": -1.3e7, "k3": 2.2e9, "c": 25.0}
+    blade = Oscillator(2.48, "k*x + k2*x**2 + k3*x**3 + c*v", values)
+    curve = predict(blade, [9.0], band=(26.0, 36.0))[9.0]
+    test = SimulatedTest([9.0], [curve.largest[0]], method="time", harmonics=8)
+    motion = Motion(2 * np.pi * np.array([curve.largest[0]]), simulate(blade, test).harmonics)
+    x, _, _ = motion.waveforms(256)
+    np.testing.assert_allclose(curve.travel, (x.min(), x.max()), rtol=2e-3)
+    assert curve.travel[1] > 1.05 * curve.largest[1]
+    said = largest_of_curve(curve, "", (0.0, np.inf))
+    assert (said["least"], said["most"]) == curve.travel
 
 
 def test_each_point_of_a_curve_has_the_force_of_its_level(monkeypatch):

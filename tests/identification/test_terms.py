@@ -206,6 +206,16 @@ def test_a_width_of_friction_that_is_nothing_leaves_coulombs():
     assert "leave its term out" not in sentence(width)
 
 
+def test_a_coefficient_that_goes_with_its_exponent_is_no_term_to_leave_out():
+    """Its interval reaches zero, as the exponent is in its unit, where the term is all of the hardening."""
+    law, values = "k*x + c*v + kp*sign(x)*abs(x)**p", {"k": 6000.0, "c": 4.0, "kp": 3e8, "p": 3.6}
+    plan = rs.SimulatedTest([1, 2], np.linspace(9, 11, 15), method="harmonic-balance", noise_relative=0.03)
+    said = rs.identify(rs.simulate(rs.Oscillator(1.5, law, values), plan), law)["kp"].finding
+    assert (said.code, said.names) == ("not-distinct-from-zero", {"exponent": "p"})
+    assert "fix p" in sentence(said)
+    assert "leave its term out" not in sentence(said)
+
+
 def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():
     test = rs.SimulatedTest([0.5, 1, 2], np.linspace(8.5, 12, 30), noise_relative=1e-2)
     surface = rs.simulate(rs.Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 4.0}), test)

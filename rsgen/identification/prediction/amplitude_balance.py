@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property, partial
+from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,6 +140,13 @@ class AmplitudeBalance:
             half = self._spread(((by_values[2] - by_values[0]) / width[:, None] - taken) / bend[:, None])
             here = (np.abs(peak - omega) < step) & (half < MAX_LINEAR_CHANGE * omega)
         return np.where(here, (peak + np.outer([-1, 1], half)) / (2 * np.pi), np.nan)
+
+    def travel(self, size: Array, omega: Array) -> tuple[float, float]:
+        """Return the least and the largest displacement [m] of a motion with X (1,) [m]; NaN without."""
+        if not len(size):
+            return nan, nan
+        x, _, _ = Motion(omega, self.solve(size, omega).harmonics).waveforms(self._samples)
+        return float(x.min()), float(x.max())
 
     def frequency_spread(
         self, level: float, spread: Array, size: Array, omega: Array, start: ComplexArray
@@ -434,6 +442,10 @@ class SynthesisBalance(AmplitudeBalance):
         splines = self._splines
         mode = SplineMode(omega, splines.basis, splines.orders)
         return mode(splines.values, splines.mass, size)
+
+    def travel(self, size: Array, omega: Array) -> tuple[float, float]:
+        """Return NaN: a table has no harmonics."""
+        return nan, nan
 
     def multiplier(self, at: Response, omega: Array) -> ComplexArray:
         """Return NaN (n,): the slopes of a law are not known."""

@@ -101,6 +101,9 @@ class ResonanceCurve(Brief):
     peak_interval
         95 % bounds of the frequency of the largest amplitude [Hz]: equal without any error, NaN where not
         known or the curve still rises.
+    travel
+        Least and largest displacement from rest at the largest amplitude [m], with all harmonics: further
+        than the fundamental at stops, or where the law is not symmetric. NaN of modal tables.
     multiplier
         (k,) the Floquet multiplier that, with folds, decides on stability: below -1 the period doubles, as
         next to a stop on one side, beyond 1 the motion loses its symmetry. NaN where it is not computed:
@@ -119,6 +122,7 @@ class ResonanceCurve(Brief):
     level_unit: str = "N"
     force: float = nan
     peak_interval: tuple[float, float] = (nan, nan)
+    travel: tuple[float, float] = (nan, nan)
     multiplier: ComplexArray = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
     def __post_init__(self) -> None:
@@ -326,6 +330,9 @@ def largest_of_curve(
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
             slow, fast = curve.peak_interval
             numbers |= quantities("Hz", at_low=slow, at_high=fast) if slow < fast else {}
+            least, most = curve.travel
+            if max(-least, most) > (1 + RELATIVE_CHANGE_NEGLIGIBLE) * size:
+                numbers |= quantities("m", least=least, most=most)
     return Finding(
         "level-predicted", "info", "", numbers, {name: said for name, said in names.items() if said}
     )
@@ -536,7 +543,7 @@ class Prediction(Printed):
             return TextTable(of_records, tuple(scores), notes=tuple(map(str, self.findings)))
         rows = []
         for curve in self:
-            highest, extrapolated = [short(nan)] * 3, ""
+            highest, extrapolated, travel = [short(nan)] * 3, "", short(nan)
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
                 (slow, fast), (at, size, low, high) = curve.peak_interval, curve.largest
@@ -544,17 +551,19 @@ class Prediction(Printed):
                 digits = with_error(at, (fast - slow) / (2 * interval_sigmas())) if slow < fast else 5
                 around = f" ({slow:.{digits}g} to {fast:.{digits}g})" if slow < fast else ""
                 highest = [short(size), band, f"{at:.{digits}g}{around}"]
+                travel = "{} to {}".format(*map(short, curve.travel))
                 highest[2] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
             jumps = ", ".join(jump.in_words() for jump in curve.jumps)
-            rows.append((short(curve.level), *highest, jumps, extrapolated))
+            rows.append((short(curve.level), *highest, travel, jumps, extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (
             f"level [{unit}]",
             "largest fundamental [m]",
             f"{CONFIDENCE_TEXT} band",
             f"at [Hz] ({CONFIDENCE_TEXT} interval)",
+            "motion there [m]",
             f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep",
             "extrapolated",
         )

@@ -435,6 +435,7 @@ def _curve(
         lower=np.maximum(lower, 0.0),
         upper=upper,
         folds=np.array(folds).reshape(-1, 3),
+        travel=balance.travel(sizes[top], 2 * np.pi * frequency[top]),
         peak_interval=(float(ends[0, 0]), float(ends[1, 0])) if ends.size else (nan, nan),
         multiplier=multiplier,
     )

@@ -417,8 +417,19 @@ class _Reasons:
         if np.isfinite(error) and not is_significant(value, error):
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
             numbers |= self._share(name, abs(value) + interval_sigmas() * error)
-            return Finding("not-distinct-from-zero", "warning", name, numbers, self._without_width(name))
+            why = self._exponent(name) or self._without_width(name)
+            return Finding("not-distinct-from-zero", "warning", name, numbers, why)
         return None
+
+    def _exponent(self, name: str) -> dict[str, str]:
+        """Return the fitted exponent that a coefficient goes with, as p of kp*abs(x)**p, where p is known."""
+        regression, powers = self.regression, self.force.diff(symbol(name)).atoms(sympy.Pow)
+        exponents = {free.name for power in powers for free in power.exp.free_symbols} & {*self.names}
+        for place in sorted(map(self.names.index, exponents)):
+            error = float(np.sqrt(regression.covariance[place, place]))
+            if error > 0 and is_significant(float(regression.parameters[place]), error):
+                return {"exponent": self.names[place]}
+        return {}
 
     def _without_width(self, name: str) -> dict[str, str]:
         """Return what a smooth jump becomes if its width is zero, as sign(v) of tanh(v/vs); empty if none."""

@@ -22,6 +22,7 @@ from rsgen.common.tolerances import (
     MISFIT_NEGLIGIBLE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     STANDARD_ERRORS_OF_DIFFERENCE,
+    interval_sigmas,
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
@@ -105,12 +106,15 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     if weighed:
         now = f"is with the test {short(mass.value, 5)} ± {short(mass.standard_error, 2)} kg"
         away = abs(mass.value - weighed[0]) / weighed[1]
+        if away > interval_sigmas():
+            now += f", {away:.2g} times that error off"
         if away > STANDARD_ERRORS_OF_DIFFERENCE:
-            now += f", {away:.2g} times that error off: law, mass or units of the channels are wrong"
+            now += ": law, mass or units of the channels are wrong"
         elif mass.standard_error >= (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
             now = "is not checked by the test"
         given = f"{short(weighed[0], 5)} ± {short(weighed[1], 2)} kg (standard error)"
-        said = f"m, given as {given}, {now}; its error is in all intervals"
+        said = f"m, given as {given}, {now}; its error is in all intervals, that of the sensors in none: "
+        said += "1 % of force over response moves m and all values of the law by 1 %"
     elif mass.standard_error:
         said = (
             "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what "
