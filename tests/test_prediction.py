@@ -395,9 +395,7 @@ def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(bas
     (said,) = (finding for finding in found.findings if finding.code == "level-predicted")
     assert said not in predict_shown(table, found).findings
     assert sentence(said) in str(found)
-    ((largest, at),) = [
-        (curve.largest[1], curve.largest[0]) for curve in predict(found, [asked], table)
-    ]
+    ((largest, at),) = [(curve.largest[1], curve.largest[0]) for curve in predict(found, [asked], table)]
     assert (said["level"], said["amplitude"], said["at"]) == (
         asked,
         pytest.approx(largest),

@@ -14,21 +14,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
-    HELD_OUT_ERROR_SMALL,
     MISFIT_EXPLAINED,
     RELATIVE_ERROR_DOUBTFUL,
     SAMPLES_PER_PERIOD,
 )
 from rsgen.data.free_mode import estimate_mass, steady
-from rsgen.data.surface.response_surface import HALF_POWER
 from rsgen.identification.fitting.fit import Fit, Solution
 from rsgen.identification.fitting.points import Points, at_resonance_alone, mass_sure
 from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO
@@ -251,23 +249,6 @@ def branch_findings(points: Points, fit: Fit, unit: str) -> list[Finding]:
             numbers |= quantities("Hz", frequency=float(points.omega[order[at + 1]]) / (2 * np.pi))
             return [Finding("direction-from-branch", "warning", "", numbers, {"by": "branch", "sweep": way})]
     return []
-
-
-def force_rise(
-    amplitude: Array, force: Array | ComplexArray, typical: Callable[[Array], Any] = np.median
-) -> float:
-    """Return by how much the force of the points (n,) of a level is larger near its resonance than elsewhere,
-    relative: the ``typical`` one there.
-    """
-    near, size = amplitude >= HALF_POWER * np.max(amplitude), np.abs(force)
-    return float(typical(size[near]) / np.median(size[~near]) - 1) if not near.all() else 0.0
-
-
-def force_changes(amplitude: Array, force: Array | ComplexArray) -> bool:
-    """Return whether the force of the points (n,) of a level is another one near its resonance, as without
-    control; the points lie on no curve of one force then, and the shaker decides on their stability, too.
-    """
-    return abs(force_rise(amplitude, force)) > HELD_OUT_ERROR_SMALL
 
 
 def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -> tuple[Finding, ...]:

@@ -29,6 +29,7 @@ from rsgen.common.tolerances import (
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
     MISFIT_NEGLIGIBLE,
+    MISFIT_REJECTED,
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     POINTS_PER_KNOT,
@@ -259,7 +260,7 @@ def channel_finding(
     clear = taken > max(MISFIT_NEGLIGIBLE**2, MIN_SIGNIFICANT_GAIN / fit.regression.freedom * left**2)
     clear &= simplest_background({best: left, **left_by}, misfit) == best
     more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / fit.regression.freedom)
-    if not (clear and left < min(most, more * max(min(rivals), noise))):
+    if not (clear and left < min(most, MISFIT_REJECTED, more * max(min(rivals), noise))):
         return None
     numbers, names = quantities(left=left, misfit=misfit), {"base": "driven"} if base else {}
     if best == "gain":

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from math import nan, pi
+from typing import Any
 
 import numpy as np
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
+    HELD_OUT_ERROR_SMALL,
     MIN_MISFIT_REDUCTION,
     MISFIT_EXPLAINED,
     MISFIT_NEGLIGIBLE,
@@ -23,7 +25,7 @@ from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.record_set import LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
 from rsgen.data.surface.columns import group_forces
 from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points, usable_points
-from rsgen.data.surface.response_surface import ResponseSurface, without_copies
+from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, without_copies
 
 _FACTORS_OF_MASS = {
     "pound": 1 / 0.45359237, "pound-force": 4.4482216, "inch": 25.4, "hundred": 100.0, "million": 1e6,
@@ -180,6 +182,23 @@ def fixed_contradicted(
     if name == "m" and not 1 / _MASS_MISREAD < ratio < _MASS_MISREAD:
         numbers |= quantities(factor=1 / ratio)
     return Finding("fixed-contradicted", "doubt", name, numbers, names)
+
+
+def force_rise(
+    amplitude: Array, force: Array | ComplexArray, typical: Callable[[Array], Any] = np.median
+) -> float:
+    """Return by how much the force of the points (n,) of a level is larger near its resonance than elsewhere,
+    relative: the ``typical`` one there.
+    """
+    near, size = amplitude >= HALF_POWER * np.max(amplitude), np.abs(force)
+    return float(typical(size[near]) / np.median(size[~near]) - 1) if not near.all() else 0.0
+
+
+def force_changes(amplitude: Array, force: Array | ComplexArray) -> bool:
+    """Return whether the force of the points (n,) of a level is another one near its resonance, as without
+    control; the points lie on no curve of one force then, and the shaker decides on their stability, too.
+    """
+    return abs(force_rise(amplitude, force)) > HELD_OUT_ERROR_SMALL
 
 
 def mixed_levels(surface: ResponseSurface) -> list[Finding]:

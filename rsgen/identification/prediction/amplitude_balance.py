@@ -31,6 +31,7 @@ from rsgen.common.tolerances import (
     START_HARMONICS,
     interval_sigmas,
 )
+from rsgen.data.surface.mode_findings import force_changes
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import (
     Response,
@@ -42,7 +43,6 @@ from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
-from rsgen.identification.resonance import force_changes
 from rsgen.identification.results import Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law

@@ -28,10 +28,10 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import level_name, match_level
+from rsgen.data.surface.mode_findings import force_rise
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
 from rsgen.formula.units import quantity_text
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.resonance import force_rise
 from rsgen.identification.results import Identification
 from rsgen.identification.results.result import held_out_lines
 from rsgen.identification.soundness import at_jump, points_at

@@ -29,6 +29,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Oscillator, refuse_across
+from rsgen.data.surface.mode_findings import force_changes
 from rsgen.data.surface.response_surface import (
     HALF_POWER,
     ResponseSurface,
@@ -62,7 +63,7 @@ from rsgen.identification.prediction.prediction_result import (
     points_under,
     score_points,
 )
-from rsgen.identification.resonance import contradicted_sweep, force_changes
+from rsgen.identification.resonance import contradicted_sweep
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION
 

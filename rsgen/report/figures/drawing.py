@@ -24,12 +24,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError, require
+from rsgen.data.surface.mode_findings import force_changes
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.describing.function import DescribingFunction
 from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
-from rsgen.identification.resonance import force_changes
 from rsgen.identification.results import Identification
 
 # Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
