@@ -114,7 +114,7 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
             now = "is not checked by the test"
         given = f"{short(weighed[0], 5)} ± {short(weighed[1], 2)} kg (standard error)"
         said = f"m, given as {given}, {now}; its error is in all intervals, that of the sensors in none: "
-        said += "1 % of force over response moves m and all values of the law by 1 %"
+        said += "1 % of the force moves m, all stiffnesses and all dampings by 1 %"
     elif mass.standard_error:
         said = (
             "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what "
