@@ -14,8 +14,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import count
-from math import nan
-from typing import Any
+from math import isnan, nan
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy
@@ -230,6 +230,14 @@ def other_gain(fit: Fit, unit: str) -> dict[str, Quantity]:
     return {"level": Quantity(level, unit), "gain": Quantity(factors[level])}
 
 
+class _ChannelError(NamedTuple):
+    """An error of a channel to first order: the misfit that it leaves, its value, half of its interval."""
+
+    left: float
+    value: float
+    within: float
+
+
 def channel_finding(
     fit: Fit, misfit: float, rivals: Sequence[float], left_by: Mapping[str, float], base: str = ""
 ) -> Finding | None:
@@ -245,12 +253,11 @@ def channel_finding(
     residual = linearise_extended(fit, fit.problem, fit.regression.parameters)[0]
     if not (used.phase_known and fit.regression.converged) or used.far.size or len(residual) != len(used):
         return None
-    sensors = (False, True) if base else (False,)
-    # a kind with the misfit that it leaves, its value (of a gain the logarithm) and half its interval
-    kinds = min(
-        (_channel_errors(fit, misfit, used, gain=bool(base), absolute=absolute) for absolute in sensors),
-        key=lambda kinds: min(kinds.values()),
-    )
+    # the response of a test on a base may be relative or absolute
+    errors = [
+        _channel_errors(fit, misfit, used, base, absolute=one) for one in (False, True)[: 1 + bool(base)]
+    ]
+    kinds = min(errors, key=lambda kinds: min(kinds.values()))
     best = min(kinds, key=kinds.__getitem__)
     left, off, within = kinds[best]
     power, shared = neighbour_power(residual, used.neighbours)
@@ -267,26 +274,25 @@ def channel_finding(
         # the first order leaves the second
         numbers |= quantities(gain=np.expm1(off), within=np.hypot(within, off**2))
         return Finding("channels-delayed", "doubt", numbers=numbers)
-    if kinds["delay"][0] < more * left:
-        numbers["delay"] = Quantity(-kinds["delay"][1], "s")
-    if kinds["turn"][0] < more * left:
-        numbers["turn"] = Quantity(kinds["turn"][1], "rad")
+    if kinds["delay"].left < more * left:
+        numbers["delay"] = Quantity(-kinds["delay"].value, "s")
+    if kinds["turn"].left < more * left:
+        numbers["turn"] = Quantity(kinds["turn"].value, "rad")
     names |= {"loss": "yes"} if off < 0 and min(rivals) < more * left else {}
     return Finding("channels-delayed", "doubt", numbers=numbers, names=names)
 
 
 def _channel_errors(
-    fit: Fit, misfit: float, used: Points, *, gain: bool, absolute: bool
-) -> dict[str, tuple[float, float, float]]:
-    """Return, by the kind of error of a channel, what it leaves of a misfit, its value, half its interval."""
-    points = fit.problem.observed.points
-    channel = partial(_other_response if absolute else _other_force, points, fit.mass)
+    fit: Fit, misfit: float, used: Points, base: str, *, absolute: bool
+) -> dict[str, _ChannelError]:
+    """Return the error of a channel by its kind: delay [s], turn [rad], on a base the logarithm of a gain."""
+    channel = partial(_with_factor, fit.problem.observed.points, fit.mass if absolute else nan)
     residual, matrix, turned = _by_points(fit, **channel(np.exp(-1j * _CHANNEL_STEP)))
     columns = {"delay": turned * used.omega[:, None], "turn": turned}
-    if gain:
+    if base:
         columns["gain"] = _by_points(fit, **channel(np.exp(-_CHANNEL_STEP)))[2]
     right, freedom = residual.reshape(-1), fit.regression.freedom
-    kinds: dict[str, tuple[float, float, float]] = {}
+    kinds: dict[str, _ChannelError] = {}
     for name, changed in columns.items():
         more = np.concatenate([matrix[:, :, fit.problem.free], changed[:, :, None] / _CHANNEL_STEP], axis=2)
         rows = more.reshape(residual.size, -1)
@@ -298,20 +304,17 @@ def _channel_errors(
         alike = effective_power(unit, used.neighbours)
         error = np.sqrt(alike / freedom) * size * float(np.linalg.norm(inverse[-1]))
         left = misfit * size / float(np.linalg.norm(right))
-        kinds[name] = left, float(solution[-1]), float(interval_sigmas(freedom) * error)
+        kinds[name] = _ChannelError(left, float(solution[-1]), float(interval_sigmas(freedom) * error))
     return kinds
 
 
-def _other_force(points: Points, mass: float, factor: complex) -> dict[str, Any]:
-    """Return the force with a factor; ``mass`` has no part in it."""
-    return {"force": factor * points.force}
-
-
-def _other_response(points: Points, mass: float, factor: complex) -> dict[str, Any]:
-    """Return a response whose absolute motion on a driven base has the inverse of a factor.
+def _with_factor(points: Points, mass: float, factor: complex) -> dict[str, Any]:
+    """Return the force with a factor, or with a mass the response whose absolute motion has its inverse.
 
     The base moves with x_b = F/(m omega^2), and the response is x = x_abs - x_b.
     """
+    if isnan(mass):
+        return {"force": factor * points.force}
     order, base = np.arange(points.harmonics.shape[1]), np.zeros_like(points.harmonics)
     base[:, 1] = points.force / (mass * points.omega**2)
     by = np.exp(-1j * order * np.angle(factor)) / np.abs(factor)
