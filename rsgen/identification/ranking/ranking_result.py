@@ -57,10 +57,11 @@ _ORDER = (
 """The order of a ranking, as tables say it."""
 
 _LIBRARY = (
-    " laws of the library and their sums were compared once, and those that left least are listed, with the "
-    "best single laws: to see another one, give it as a law of your own (in Python [law, rs.laws]); names: k "
-    "and c of a sum are its linear spring and damper, and where the library has the same name for another "
-    "parameter, that ends with _ here"
+    " laws of the library and their sums (of two unless --terms-in-sum, in Python terms_in_sum, says "
+    "otherwise) were compared once, and those that left least are listed, with the best single laws: to see "
+    "another one, give it as a law of your own (in Python [law, rs.laws]); names: k and c of a sum are its "
+    "linear spring and damper, and where the library has the same name for another parameter, that ends with "
+    "_ here"
 )
 _GIVEN_ALONE = "the laws that were given were compared, not the library: in Python [law, rs.laws] are both"
 """Which laws competed, after their number, and the names of a ranking."""
