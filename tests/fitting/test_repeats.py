@@ -75,17 +75,6 @@ def test_a_reading_before_the_response_has_settled_is_set_aside(cubic):
     assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
 
 
-def test_of_two_readings_that_differ_far_more_than_others_do_there_is_no_mean(cubic):
-    """One wrong reading doubled the noise of a test, 3.6 for 1.8 %."""
-    both = repeated(cubic, 4)
-    both = both.select(np.arange(2 * len(cubic)))
-    harmonics = np.array(both.harmonics)
-    harmonics[5] *= 0.8 * np.exp(0.2j)
-    means, repeats = gather_repeats(changed(both, harmonics=harmonics))
-    assert (len(means), repeats.excluded) == (len(cubic) + 1, 0)
-    assert repeats.noise == pytest.approx(gather_repeats(both)[1].noise, rel=0.05)
-
-
 def pairs(force: complex, response: complex) -> Repeats:
     """Two readings of each of three points, as far above their mean as below."""
     row, sign = np.repeat(np.arange(3), 2), np.tile([1.0, -1.0], 3)

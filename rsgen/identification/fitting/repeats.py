@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.tolerances import MAX_SHARE_OF_OUTLIERS_BY_CHANCE, MIN_SIGNIFICANT_GAIN, ROUND_OFF
+from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, ROUND_OFF
 from rsgen.data.record_set import FILE_ROUND_OFF
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Regression
@@ -31,8 +31,7 @@ _MIN_READINGS_OF_BATCHES = 6
 """From so many readings on batch means are formed, as many as the square root of their number."""
 
 _MAX_MEDIAN_DISTANCES = 10.0
-"""Distance of a reading from the median, in median distances, from which on it is an outlier; and that of a
-few readings of a point from one another, in median ones of all points, from which on they are no repeats."""
+"""Distance of a reading from the median, in median distances, from which on it is an outlier."""
 
 _MIN_EXCESS_READINGS = 20
 """Readings minus points from which on their scatter is an estimate of the noise."""
@@ -247,33 +246,8 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
             low, high = _range_of(part[good], group[good], group.max() + 1)
             with np.errstate(invalid="ignore"):
                 alone |= ~(high - low <= ASYMMETRIC * largest)[group]
-    alone |= _far_apart(surface, group, alone)
     group[alone] = group.max() + 1 + np.arange(int(alone.sum()))
     return group
-
-
-def _far_apart(
-    surface: ResponseSurface, group: NDArray[np.intp], alone: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return the mask (n,) of few readings of a point that differ far more than those of other points do.
-
-    One of them may be wrong, but they do not tell which one.
-    """
-    own = group[~alone]
-    ratio = surface.harmonics[~alone, 1] / surface.force[~alone]
-    count = np.bincount(own, minlength=group.max() + 1)
-    few = (count > 1) & (count < _MIN_READINGS_OF_BATCHES)
-    spread = np.zeros(int(few.sum()))
-    for part in (ratio.real, ratio.imag):
-        low, high = _range_of(part, own, len(count))
-        spread = np.hypot(spread, high[few] - low[few])
-    spread *= count[few] / np.bincount(own, np.abs(ratio), len(count))[few]
-    far = np.zeros(len(count), dtype=bool)
-    if few.any():
-        far[few] = spread > _MAX_MEDIAN_DISTANCES * np.median(spread)
-    # more of them are no chance: up and down side by side, as ``repeats_finding`` says
-    chance = np.count_nonzero(far) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE * len(spread)
-    return np.asarray(far[group] & chance)
 
 
 def _range_of(values: Array, group: NDArray[np.intp], count: int) -> tuple[Array, Array]:
