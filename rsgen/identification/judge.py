@@ -86,11 +86,11 @@ from rsgen.identification.results.estimates import (
     Statement,
     largest_tested,
     make_estimates,
+    missing_unit_check,
     outcome_of,
     phase_findings,
     state_background,
     state_parameters,
-    what_checks_units,
     with_mass_error,
 )
 from rsgen.identification.soundness import (
@@ -498,7 +498,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             points=len(surface),
             levels=len(np.unique(points.level)),
             moves=moves_with_mass(refined),
-            lacks=what_checks_units(surface, model, units),
+            missing_check=missing_unit_check(surface, model, units),
         ),
         solution=refined.values,
         background=background,

@@ -21,11 +21,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity, quantities
-from rsgen.common.tolerances import (
-    MISFIT_EXPLAINED,
-    RELATIVE_ERROR_DOUBTFUL,
-    SAMPLES_PER_PERIOD,
-)
+from rsgen.common.tolerances import MISFIT_EXPLAINED, RELATIVE_ERROR_DOUBTFUL, SAMPLES_PER_PERIOD
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.identification.fitting.fit import Fit, Solution
 from rsgen.identification.fitting.points import Points, at_resonance_alone, mass_sure

@@ -33,7 +33,6 @@ from rsgen.law.normal_form import ForceSample, SwitchedSum, switched_sum
 
 if TYPE_CHECKING:
     from rsgen.law.loops import Loops
-    from rsgen.law.motion import Motion
 
 # ----------------------------------------------------------------------------
 # Sizes that parameters of a law naturally have in a test, from their units.

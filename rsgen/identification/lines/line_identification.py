@@ -76,11 +76,11 @@ from rsgen.identification.results.estimates import (
     Statement,
     damping_findings,
     largest_tested,
+    missing_unit_check,
     outcome_of,
     phase_findings,
     state_background,
     state_parameters,
-    what_checks_units,
     with_mass_error,
 )
 from rsgen.identification.soundness import gain_findings, signs_along
@@ -217,7 +217,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
             excited=int((lines.used & part.excited()).sum()),
             records=len(part),
             levels=len(part.levels),
-            lacks=what_checks_units(spectra, model, units),
+            missing_check=missing_unit_check(spectra, model, units),
         ),
         findings=tuple(findings),
         solution=fit.values,

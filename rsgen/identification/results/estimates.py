@@ -201,8 +201,8 @@ def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str,
     return quantities("m", amplitude=amplitude.max()) | quantities(level_unit, level=level.max())
 
 
-def what_checks_units(test: Records, model: Model, units: Mapping[str, str]) -> str:
-    """Return what checks the units of a test and is not known, its "mass" or "levels"; "" if they are right.
+def missing_unit_check(test: Records, model: Model, units: Mapping[str, str]) -> str:
+    """Return what would check the units of a test and is not known, "mass" or "levels"; "" if they are right.
 
     Those of a simulation are, and of forces where a mass, force or stiffness is given. On a driven base a
     factor of both motions changes amplitudes alone: levels in their unit show it, or a given length.
@@ -222,25 +222,26 @@ def outcome_of(
     misfit: float,
     moves: Mapping[str, float] | None = None,
     *,
-    lacks: str,
+    missing_check: str,
     **counts: int,
 ) -> Finding:
     """Summarise the numbers of identified and all parameters, ``counts`` of the test, and the misfit.
 
     Of ``moves``, by how many per cent each value moves with one of the mass, the largest is told that is
-    clearly more than one, and more than a standard error. Nothing checks the units of a test that ``lacks``
-    its mass, which is free, or levels that are amounts (``what_checks_units``).
+    clearly more than one, and more than a standard error. Nothing checks the units of a test
+    with a ``missing_check`` (``missing_unit_check``): its mass, which is free, or levels that are amounts.
     """
     identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
     numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)
     error = {e.name: 100 * e.standard_error / abs(e.value) for e in estimates if e.identifiable and e.value}
     moving = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
     most = max(moving, key=lambda name: abs(moving[name]), default="")
-    names = {"levels": "labels"} if lacks == "levels" else {}
+    names = {"levels": "labels"} if missing_check == "levels" else {}
     if most and round(abs(moving[most])) > 1:
         numbers, names = numbers | quantities(moves=moving[most]), names | {"moves": most}
-    elif lacks == "mass" and any(e.name == "m" and e.unit == "kg" and e.identifiable for e in estimates):
-        names = {"mass": "free"}
+    elif missing_check == "mass":
+        free = any(e.name == "m" and e.unit == "kg" and e.identifiable for e in estimates)
+        names = {"mass": "free"} if free else {}
     return Finding("identified", "info", "", numbers, names)
 
 
