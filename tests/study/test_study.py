@@ -333,5 +333,5 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
 @pytest.mark.parametrize("value", ["first", "second"])
 def test_a_worker_has_the_settings_of_its_own_time(value, monkeypatch):
     monkeypatch.setenv("RSGEN_PROBE", value)
-    with local_workers(1, None) as submit:
+    with local_workers(1) as submit:
         assert submit(os.getenv, "RSGEN_PROBE").result(60) == value

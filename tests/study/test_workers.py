@@ -50,7 +50,7 @@ def answers(monkeypatch):
             return Pool(pool)
 
         monkeypatch.setattr("rsgen.app.study.many_cases.ProcessPoolExecutor", begin)
-        with local_workers(number, None) as submit:
+        with local_workers(number) as submit:
             futures = [submit(str, call) for call in range(3)]
             return [future.exception(5) or future.result(5) for future in futures]
 

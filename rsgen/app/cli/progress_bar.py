@@ -1,4 +1,4 @@
-"""Progress display of `rsgen run`: a line for each finished case; on a terminal the stage of the others."""
+"""Progress display of `rsgen run`: a line for each finished case; on a terminal how many are finished."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _lines(run: CaseRun, *, values: bool) -> list[str]:
 
 @contextmanager
 def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
-    """Print each case when it is finished and, on a terminal, show how far the others have come.
+    """Print each case when it is finished and, on a terminal, show how many are, or how far one has come.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
     with Bars(total) as bars:
 
         def show(run: CaseRun) -> None:
-            bars.finish(run.path)
+            bars.finish()
             for line in (*run.faults, *([] if quiet else _lines(run, values=total == 1))):
                 bars.say(line)
 
@@ -129,7 +129,7 @@ _DOING = {
 
 
 class Bars(Progress):
-    """A line for all cases and one for each that is worked on: spinner, stage, elapsed time.
+    """A line for all cases and one for the case that runs in this process: spinner, stage, elapsed time.
 
     NO_COLOR is obeyed by rich itself.
 
@@ -140,8 +140,8 @@ class Bars(Progress):
     """
 
     def __init__(self, total: int | None = None) -> None:
-        self._tasks_of: dict[Path, TaskID] = {}
         self._total, self._finished = total, 0
+        self._case: TaskID | None = None
         # this very stream: sys.stderr is another one while the cells of a notebook run
         console = Console(file=sys.stderr)
         super().__init__(SpinnerColumn(), _AS_TEXT, TimeElapsedColumn(), console=console, transient=True)
@@ -151,15 +151,16 @@ class Bars(Progress):
         """Show to which stage a case has come, and its share where the stage reports one."""
         share = f" {step.share:.0%}" if step.share > 0 else ""
         said = f"{plain(step.path.stem)}: {_DOING[step.stage]}{share}"
-        if step.path in self._tasks_of:
-            self.update(self._tasks_of[step.path], description=said)
+        if self._case is None:
+            self._case = self.add_task(said, total=None)
         else:
-            self._tasks_of[step.path] = self.add_task(said, total=None)
+            self.update(self._case, description=said)
 
-    def finish(self, path: Path) -> None:
-        """Take away the line of a case, and count it."""
-        if path in self._tasks_of:
-            self.remove_task(self._tasks_of.pop(path))
+    def finish(self) -> None:
+        """Take away the line of the case that ran here, and count one."""
+        if self._case is not None:
+            self.remove_task(self._case)
+            self._case = None
         self._finished += 1
         self.update(self._all, description=f"cases: {self._finished} of {self._total}")
 

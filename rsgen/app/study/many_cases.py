@@ -13,17 +13,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import (
-    FIRST_COMPLETED,
     BrokenExecutor,
     Future,
     ProcessPoolExecutor,
     ThreadPoolExecutor,
-    wait,
+    as_completed,
 )
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
-from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from types import FrameType, MappingProxyType
 from typing import Any
@@ -31,10 +29,8 @@ from typing import Any
 import rsgen.report
 from rsgen.app.study.folder import check_index, recover
 from rsgen.app.study.run_case import (
-    PROGRESS_SECONDS,
     CaseRun,
     Progress,
-    Step,
     check_place,
     current_result,
     run_case,
@@ -56,9 +52,6 @@ _ATTEMPTS = 2
 _one_at_a_time = threading.Lock()
 """Figures are drawn, and output is captured, under settings that all threads of a process share."""
 
-_steps: list[SimpleQueue[Step]] = []
-"""In a worker: where it reports how far its case has come; empty without a listener."""
-
 
 def _frozen(content: dict[str, object]) -> MappingProxyType[str, object]:
     return MappingProxyType(content)
@@ -70,10 +63,9 @@ copyreg.pickle(MappingProxyType, lambda mapping: (_frozen, (dict(mapping),)))
 
 def work(case: Case, out: Path, settings: Mapping[str, Any]) -> CaseRun:
     """Run a case on a worker; ``settings`` are those of ``run_case``."""
-    progress = _steps[0].put if _steps else None
     with _one_at_a_time:
         try:
-            return run_case(case, out, force=True, progress=progress, **settings)
+            return run_case(case, out, force=True, **settings)
         except KeyboardInterrupt:
             # back in the pool it would wait for a lock that another ended worker may have taken along
             os._exit(1)
@@ -98,11 +90,9 @@ def _follow(parent: Connection) -> None:
     os._exit(1)
 
 
-def _prepare_worker(parent: Connection, steps: SimpleQueue[Step] | None) -> None:
+def _prepare_worker(parent: Connection) -> None:
     keep_from_terminal()
     collect_seldom()
-    if steps is not None:
-        _steps.append(steps)
     # Ctrl-C reaches every process of a terminal; the parent alone answers it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end)
@@ -134,7 +124,7 @@ def _beginning(share: int) -> Iterator[None]:
 
 
 @contextmanager
-def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterator[Callable[..., Future[Any]]]:
+def local_workers(number: int) -> Iterator[Callable[..., Future[Any]]]:
     """Return what submits a call to processes of this machine, each in a pool of its own.
 
     A call whose process dies is tried once more, then its future has the exception; others go on. When the
@@ -144,9 +134,6 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
     ----------
     number
         Processes at a time; fewer where no more can be begun.
-    steps
-        Gets a queue from each process, in which that reports how far its case has come; None without a
-        listener. A queue that all shared would stay locked by a process that is killed while it writes.
     """
     # copies of a server that has loaded everything would begin sooner; its socket lies in a temporary folder,
     # which a killed run leaves for good and which may be missing or have too long a name
@@ -157,13 +144,8 @@ def local_workers(number: int, steps: list[SimpleQueue[Step]] | None) -> Iterato
     idle: deque[ProcessPoolExecutor | None] = deque()
 
     def begin() -> ProcessPoolExecutor:
-        queue: SimpleQueue[Step] | None = None if steps is None else context.SimpleQueue()
-        if steps is not None and queue is not None:
-            steps.append(queue)
         with _beginning(share):
-            pool = ProcessPoolExecutor(
-                1, mp_context=context, initializer=_prepare_worker, initargs=(theirs, queue)
-            )
+            pool = ProcessPoolExecutor(1, mp_context=context, initializer=_prepare_worker, initargs=(theirs,))
             # the first call begins the process
             pool.submit(os.getpid)
         return pool
@@ -251,22 +233,14 @@ def _spread(
     out: Path,
     settings: Mapping[str, Any],
     workers: int,
-    progress: Progress | None,
     note: Callable[[Path, CaseRun], None],
 ) -> None:
     """Have all cases worked on; note each when it is finished."""
-    steps: list[SimpleQueue[Step]] | None = None if progress is None else []
     try:
-        with local_workers(workers, steps) as submit:
+        with local_workers(workers) as submit:
             futures = {submit(work, case, out.absolute(), settings): path for path, case in todo.items()}
-            waiting = set(futures)
-            while waiting:
-                done, waiting = wait(waiting, None if steps is None else PROGRESS_SECONDS, FIRST_COMPLETED)
-                for queue in steps or ():
-                    while progress is not None and not queue.empty():
-                        progress(queue.get())
-                for future in done:
-                    note(futures[future], _outcome(future, todo[futures[future]]))
+            for future in as_completed(futures):
+                note(futures[future], _outcome(future, todo[futures[future]]))
     except BaseException:
         # what a worker of this machine had no time to remove
         recover(out)
@@ -298,7 +272,7 @@ def run_cases(
     finished
         Called after each case, in this process.
     progress
-        Called now and then, in this process, with how far each case has come.
+        Called now and then, in this process, with how far a case has come that runs in it.
 
     Returns
     -------
@@ -325,7 +299,7 @@ def run_cases(
         note(path, run)
     number = min(workers or os.cpu_count() or 1, max(1, len(todo)))
     if number > 1:
-        _spread(todo, place, settings, number, progress, note)
+        _spread(todo, place, settings, number, note)
     else:
         for path, case in todo.items():
             note(path, run_case(case, place, force=True, progress=progress, **settings))

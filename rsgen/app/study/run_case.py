@@ -43,8 +43,7 @@ from rsgen.report.result_json import Entry
 
 RESULT = "result.json"
 
-
-PROGRESS_SECONDS = 0.2
+_PROGRESS_SECONDS = 0.2
 """Minimum interval between progress messages of one stage."""
 
 
@@ -79,7 +78,7 @@ def stage_reporter(case: Case, progress: Progress | None) -> Callable[[str, floa
     def report(stage: str, share: float) -> None:
         nonlocal last
         now = time.monotonic()
-        if last[0] != stage or now - last[1] > PROGRESS_SECONDS:
+        if last[0] != stage or now - last[1] > _PROGRESS_SECONDS:
             last = (stage, now)
             progress(Step(case.path, stage, share))
 
