@@ -24,10 +24,9 @@ from rsgen.identification.fitting.points import Points, select_points
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import PointBalance
-from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round, fit_candidate
+from rsgen.identification.ranking.candidate_fit import CandidateLaw, fit_candidate
 from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of
 from rsgen.identification.ranking.ranking_result import (
-    Assessment,
     Candidate,
     assess_best,
     order_candidates,
@@ -43,7 +42,7 @@ from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.conftest import FEW, Answer
 from tests.oracles.memory import bouc_wen, two_masses
-from tests.surfaces import LAWS, MASS, changed, model, noisy, surface, truth, without_phase
+from tests.surfaces import LAWS, MASS, beside, changed, codes, model, noisy, surface, truth, without_phase
 
 NOISE = 0.01
 BASE = Model((make_element("spring", "k*x"), make_element("damper", "c*v")))
@@ -81,6 +80,21 @@ def winners(ranking: Ranking) -> set[str]:
     return {" + ".join(sorted(c.name.split(" + "))) for c in ranking.candidates if c.tied}
 
 
+def named(*names: str) -> list[Any]:
+    return [laws[name] for name in names]
+
+
+def virtual(law: str, values: dict[str, float], levels: Any, grid: Any, mass: float = MASS, **more: Any):
+    """A virtual test with noise of 1 % where nothing else is said."""
+    plan = rsgen.SimulatedTest(levels, grid, **{"noise_relative": NOISE, "seed": 1, **more})
+    return rsgen.simulate(rsgen.Oscillator(mass, law, values), plan)
+
+
+def fundamentals(table: ResponseSurface) -> ResponseSurface:
+    """What a sensor without mean sees of the first harmonic."""
+    return changed(table, harmonics=table.harmonics[:, :2] * [np.nan, 1])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("law", "noise", "whole"), [
     # a loop comes near to friction
@@ -106,9 +120,8 @@ def test_the_true_law_is_first_or_tied(law: str, noise: float, whole: bool) -> N
     sums = [candidate.name.split(" + ") for candidate in ranking.candidates]
     assert len({frozenset(parts) for parts in sums}) == len(sums)
     order = [term.name for term in library_terms()]
-    for parts in sums:
-        places = [order.index(name) for name in parts if name in order]
-        assert places == sorted(places)
+    known = [[order.index(name) for name in parts if name in order] for parts in sums]
+    assert known == [sorted(places) for places in known]
 
 
 @pytest.mark.slow
@@ -116,8 +129,7 @@ def test_the_true_law_is_first_or_tied(law: str, noise: float, whole: bool) -> N
 def test_the_models_own_law_competes_and_keeps_its_names() -> None:
     ranking = rank(measured("cubic"), model("cubic"))
     best = ranking.candidates[0]
-    assert best.name == "cubic-spring"
-    assert best.label == "the case's own law (cubic-spring)"
+    assert (best.name, best.label) == ("cubic-spring", "the case's own law (cubic-spring)")
     assert [candidate.own for candidate in ranking].count(True) == 1
     assert set(best.values) == {*LAWS["cubic"][1], "m"}
     assert ranking.model.elements == model("cubic").elements
@@ -144,28 +156,20 @@ _BESIDE = ("bilinear-spring", "power-damper", "coulomb", "quadratic-spring")
 def _stopped(harmonics: int) -> ResponseSurface:
     """A stop on one side: the gap is a fifteenth of the largest displacement."""
     values = {"k": 4.1e4, "kg": 2.6e4, "b": 3e-4, "c": 3.2, "cq": 14.0}
-    law = rsgen.Oscillator(1.85, "k*x + kg*Max(x - b, 0) + c*v + cq*v*abs(v)", values)
-    grid = [1, 3, 6, 10], np.linspace(20, 29, 37)
-    return rsgen.simulate(law, rsgen.SimulatedTest(*grid, harmonics=harmonics, noise_relative=NOISE))
+    law, grid = "k*x + kg*Max(x - b, 0) + c*v + cq*v*abs(v)", np.linspace(20, 29, 37)
+    return virtual(law, values, [1, 3, 6, 10], grid, 1.85, harmonics=harmonics, seed=0)
 
 
 @pytest.mark.slow
 @in_library
-@pytest.mark.parametrize(
-    ("harmonics", "seen"),
-    [
-        (1, [1, 1]),
-        pytest.param(1, [np.nan, 1], marks=pytest.mark.thorough),
-        (3, [1, 1, 1, 1]),
-        (3, [np.nan, 1, -1, 1]),
-    ],
-    ids=["fundamentals", "without their mean", "harmonics", "from the other end by an accelerometer"],
-)
-def test_a_stop_beyond_a_small_gap_on_one_side_is_found(
-    harmonics: int, seen: list[float], whole: bool
-) -> None:
+@pytest.mark.parametrize(("harmonics", "seen"), [
+    (1, [1, 1]), pytest.param(1, [np.nan, 1], marks=pytest.mark.thorough), (3, [1, 1, 1, 1]),
+    # from the other end, by an accelerometer
+    (3, [np.nan, 1, -1, 1]),
+])  # fmt: skip
+def test_a_stop_beyond_a_small_gap_on_one_side_is_found(harmonics, seen, whole) -> None:
     table, names = _stopped(harmonics), (*_STOPS, "quadratic-damper", *(_BESIDE if whole else ()))
-    ranking = rank(changed(table, harmonics=table.harmonics * seen), [laws[name] for name in names])
+    ranking = rank(changed(table, harmonics=table.harmonics * seen), named(*names))
     best = ranking.candidates[0]
     assert best.name == "one-sided-stop + quadratic-damper"
     assert ("Min(x + b, 0)" if -1 in seen else "Max(x - b, 0)") in best.force
@@ -193,24 +197,18 @@ _STOP = {"k": 4.1e4, "c": 6.2, "kg": 2.6e4, "b": 3e-4}, 1.85, (20, 29)
 @pytest.mark.slow
 @in_library
 @pytest.mark.parametrize(("law", "of", "force", "found"), [
-    pytest.param(
-        "Max(x - b, 0) + Min(x + b, 0)", _GAPS, 1.5, {"dead-zone"}, marks=pytest.mark.thorough
-    ),
     ("Max(x - b, 0) + Min(x + b, 0)", _GAPS, 2.0, {"dead-zone"}),
     pytest.param("Max(x - b, 0)", _GAPS, 1.5, {"one-sided-stop"}, marks=pytest.mark.thorough),
-    pytest.param("Max(x - b, 0)", _STOP, 6.0, {"one-sided-stop"}, marks=pytest.mark.thorough),
     # the gap is a thirtieth of the amplitude
     ("Max(x - b, 0)", _STOP, 10.0, {"one-sided-stop", "dead-zone"}),
 ])  # fmt: skip
 def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, found, whole) -> None:
     values, mass, band = of
-    oscillator = rsgen.Oscillator(mass, f"k*x + c*v + kg*({law})", values)
-    grid = [force], np.linspace(*band, 56)
-    table = rsgen.simulate(
-        oscillator, rsgen.SimulatedTest(*grid, harmonics=1, noise_relative=NOISE / 2, seed=1)
+    grid = np.linspace(*band, 56)
+    table = virtual(
+        f"k*x + c*v + kg*({law})", values, [force], grid, mass, harmonics=1, noise_relative=NOISE / 2
     )
-    rivals = None if whole else [laws[name] for name in _STOPS]
-    ranking = rank(changed(table, harmonics=table.harmonics * [np.nan, 1]), rivals)
+    ranking = rank(fundamentals(table), None if whole else named(*_STOPS))
     best = ranking.candidates[0]
     assert best.name in found
     assert ranking.fits
@@ -234,22 +232,14 @@ def test_stops_are_found_or_tie_at_one_level_of_fundamentals(law, of, force, fou
     (1.2, -7e-4, (0.3, 0.71), 3e-3, "law-unconfirmed"),
 ])  # fmt: skip
 def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, noise, doubt) -> None:
-    """A dead zone stood first and was identified: the search began where the stop moves the mean most.
-
-    Or polynomials did, of which BIC was thousands higher.
-    """
+    """A dead zone, or polynomials with a far higher BIC, stood first and were identified."""
     k, m, c = 6e3, 1.5, 1.9
-    oscillator = rsgen.Oscillator(
-        m, "k*x + c*v + kg*Max(x - b, 0)", {"k": k, "c": c, "kg": stiffer * k, "b": rest}
-    )
     natural = np.sqrt(k / m) / (2 * np.pi)
     grid = natural * np.linspace(0.8, 1.2 * np.sqrt(1 + stiffer), 50)
     forces = [level * 1e-3 * c * 2 * np.pi * natural for level in levels]
-    plan = rsgen.SimulatedTest(forces, grid, harmonics=1, noise_relative=noise, seed=2)
-    table = rsgen.simulate(oscillator, plan)
-    table = changed(table, harmonics=table.harmonics * [np.nan, 1])
-    names = ("one-sided-stop", "two-sided-stop", "dead-zone", "cubic-spring", "quadratic-spring")
-    ranking = rank(table, [laws[name] for name in names])
+    values, of = {"k": k, "c": c, "kg": stiffer * k, "b": rest}, "k*x + c*v + kg*Max(x - b, 0)"
+    table = virtual(of, values, forces, grid, m, harmonics=1, noise_relative=noise, seed=2)
+    ranking = rank(fundamentals(table), named(*_STOPS, "quadratic-spring"))
     best = ranking.candidates[0]
     doubts = {f.code: f.names.get("other") for f in ranking.findings if f.severity == "doubt"}
     assert ranking.verdict.state == ("doubtful" if doubt else "identified")
@@ -271,8 +261,6 @@ def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, no
 @pytest.mark.parametrize(("k2", "k3", "first", "named"), [
     # its fundamentals are those of a softening spring
     (6e4, 0, "quadratic-spring", ""),
-    # nearly those of a quintic spring and a pendulum
-    pytest.param(1.05e5, 0, "quadratic-spring", "", marks=pytest.mark.thorough),
     (6e4, -7.5e5, "cubic-spring + quadratic-spring", ""),
     # a linear spring as far as k3 - 10/9 k2^2/k tells, but for its higher orders
     (6e4, 7.5e5, "cubic-spring + quadratic-spring", ""),
@@ -281,16 +269,11 @@ def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, no
 ])  # fmt: skip
 def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, first, named, whole) -> None:
     """It has no fundamental along a motion without a mean: odd laws stood first, and nothing said why."""
-    oscillator = rsgen.Oscillator(
-        1.5, "k*x + c*v + k2*x**2 + k3*x**3", {"k": 6e3, "c": 4.0, "k2": k2, "k3": k3}
-    )
-    plan = rsgen.SimulatedTest(
-        [1.25, 2.5, 3.75, 5], np.linspace(8.5, 11.5, 40), harmonics=1, noise_relative=3e-3, seed=1
-    )
-    table = rsgen.simulate(oscillator, plan)
+    law, values = "k*x + c*v + k2*x**2 + k3*x**3", {"k": 6e3, "c": 4.0, "k2": k2, "k3": k3}
+    grid = np.linspace(8.5, 11.5, 40)
+    table = virtual(law, values, [1.25, 2.5, 3.75, 5], grid, harmonics=1, noise_relative=3e-3)
     names = ("cubic-spring", "quadratic-spring", "quintic-spring", "pendulum", "quadratic-damper")
-    rivals = None if whole else [laws[name] for name in names]
-    ranking = rank(changed(table, harmonics=table.harmonics * [np.nan, 1]), rivals)
+    ranking = rank(fundamentals(table), None if whole else named(*names))
     assert ranking.candidates[0].name == first
     (best_law,) = (f for f in ranking.findings if f.code == "law-fits-best")
     said = {f.parameter: f.names["determined"] for f in ranking.findings if f.code == "even-terms-not-seen"}
@@ -305,17 +288,10 @@ def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, 
 
 def test_a_power_whose_interval_holds_a_whole_number_is_the_law_with_this_number() -> None:
     cubic = "c*v + k*x + Ff*sign(v) + k3*x**3"
-    law = rsgen.Oscillator(3.4, cubic, {"k": 105e3, "k3": 6e9, "c": 14.0, "Ff": 1.2})
-    plan = rsgen.SimulatedTest(
-        level=[4.0, 35.0],
-        frequency=np.arange(24.0, 44.8, 0.3),
-        sweep="up",
-        noise_relative=3e-4,
-        seed=1,
-        method="harmonic-balance",
-    )
+    values, grid = {"k": 105e3, "k3": 6e9, "c": 14.0, "Ff": 1.2}, np.arange(24.0, 44.8, 0.3)
+    plan = {"sweep": "up", "noise_relative": 3e-4, "method": "harmonic-balance"}
     power = "c*v + k*x + Ff*sign(v) + kp*abs(x)**p*sign(x)"
-    ranking = rank(rsgen.simulate(law, plan), [cubic, power], mass=3.4)
+    ranking = rank(virtual(cubic, values, [4.0, 35.0], grid, 3.4, **plan), [cubic, power], mass=3.4)
     # of nearly exact data neighbours share what they leave, and BIC was worse by 100
     assert [one.force for one in ranking] == [cubic, power]
     assert ranking[power].values["p"] == pytest.approx(3, abs=0.02)
@@ -325,8 +301,8 @@ def test_a_power_whose_interval_holds_a_whole_number_is_the_law_with_this_number
 def test_errors_that_neighbours_share_are_no_evidence_for_another_law() -> None:
     """Of smoothed data each point counted, and BIC of terms that followed the errors was lower by 88."""
     law = "k*x + k3*x**3 + c*v"
-    oscillator = rsgen.Oscillator(1.5, law, {"k": 6e3, "k3": 2e6, "c": 4.0})
-    table = rsgen.simulate(oscillator, rsgen.SimulatedTest([1, 2, 4], np.linspace(8, 13, 50), harmonics=1))
+    values, grid = {"k": 6e3, "k3": 2e6, "c": 4.0}, np.linspace(8, 13, 50)
+    table = virtual(law, values, [1, 2, 4], grid, harmonics=1, noise_relative=0.0)
     random, kernel = np.random.default_rng(1), np.exp(-0.5 * (np.arange(-12, 13) / 4) ** 2)
     parts = random.normal(size=(2, len(table) + 24))
     errors = np.convolve(parts[0] + 1j * parts[1], kernel / np.linalg.norm(kernel), "valid")
@@ -342,12 +318,10 @@ def test_errors_that_neighbours_share_are_no_evidence_for_another_law() -> None:
 def test_a_bilinear_spring_is_found_where_fundamentals_alone_were_recorded(k2: float) -> None:
     """Along a motion without a mean its fundamental is that of a linear spring, which stood first."""
     law = "Piecewise((k1*x, x > 0), (k2*x, True)) + c*v + cq*v*abs(v)"
-    oscillator = rsgen.Oscillator(0.5, law, {"k1": 7e3, "k2": k2, "c": 1.4, "cq": 9.0})
-    frequency = np.linspace(15, 25, 28) if k2 > 7e3 else np.linspace(13.5, 23.5, 28)
-    plan = rsgen.SimulatedTest([0.5, 1, 2, 4], frequency, harmonics=1, noise_relative=3e-3, seed=1)
-    table = rsgen.simulate(oscillator, plan)
-    linear = "k*x + c*v + cq*v*abs(v)"
-    ranking = rank(changed(table, harmonics=table.harmonics * [np.nan, 1]), [linear, law], mass=0.5)
+    grid = np.linspace(15, 25, 28) if k2 > 7e3 else np.linspace(13.5, 23.5, 28)
+    values, plan = {"k1": 7e3, "k2": k2, "c": 1.4, "cq": 9.0}, {"harmonics": 1, "noise_relative": 3e-3}
+    table = virtual(law, values, [0.5, 1, 2, 4], grid, 0.5, **plan)
+    ranking = rank(fundamentals(table), ["k*x + c*v + cq*v*abs(v)", law], mass=0.5)
     assert ranking.fits
     assert ranking.candidates[0].parameters == (4 if k2 > 7e3 else 3)
 
@@ -355,13 +329,11 @@ def test_a_bilinear_spring_is_found_where_fundamentals_alone_were_recorded(k2: f
 @pytest.mark.slow
 @pytest.mark.parametrize("structure", ["hysteresis", pytest.param("two modes", marks=pytest.mark.thorough)])
 def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = []
-
-    def spy(current: Round, best: CandidateFit, candidates: list[Candidate], *doubts: Any) -> Assessment:
-        seen.append((best.candidate.name, candidates[0].name))
-        return assess_best(current, best, candidates, *doubts)
-
-    monkeypatch.setattr("rsgen.identification.ranking.rank_laws.assess_best", spy)
+    seen = list[Any]()
+    monkeypatch.setattr(
+        "rsgen.identification.ranking.rank_laws.assess_best",
+        lambda *what: seen.append((what[1].candidate.name, what[2][0].name)) or assess_best(*what),
+    )
     if structure == "hysteresis":
         ranking = rank(bouc_wen(), MEMORYLESS)
     else:
@@ -371,9 +343,7 @@ def test_none_fits_where_the_structure_is_another(structure: str, monkeypatch: p
     assert judged == named
     assert not ranking.fits
     assert ranking.unexplained > 0.01
-    text = "; ".join(map(sentence, ranking.findings))
-    assert "none of these fits" in text
-    assert "fundamental" in text
+    assert "no-law-fits" in codes(ranking)
 
 
 @pytest.fixture(scope="module")
@@ -470,22 +440,6 @@ def test_parameters_of_a_sum_have_names_of_their_own() -> None:
     assert "k" not in Sum((by_name["pendulum"],)).base
 
 
-@pytest.mark.thorough
-def test_a_slider_is_recognised_by_its_loop() -> None:
-    """Jenkins: no law without memory comes near; sums have one law with memory at most."""
-    values = {"k": 5e4, "c": 30.0, "kt": 1e4, "Fs": 40.0}
-    truth = rsgen.Oscillator(2.0, "k*x + c*v + masing(Min(kt*x, Fs))", values)
-    test = rsgen.SimulatedTest((30.0, 90.0, 180.0), np.linspace(24, 29, 15), harmonics=9)
-    table = rsgen.simulate(truth, test)
-    ranking = rank(noisy(table, 0.01, 1))
-    assert ranking.fits
-    assert ranking.candidates[0].name == "jenkins"
-    loops = {term.name for term in library_terms() if term.law.remembers}
-    with_loop = [len(set(c.name.split(" + ")) & loops) for c in ranking.candidates]
-    assert max(with_loop) == 1
-    assert min(c.bic for c, loop in zip(ranking.candidates, with_loop, strict=True) if not loop) > 100
-
-
 def test_the_best_of_many_points_has_the_values_of_its_identification() -> None:
     # 400 of 900 points settle the law by the balance, whose truncated waveform moves k by 1.8 standard errors
     table = noisy(surface("coulomb", frequencies=np.linspace(8, 12, 150), accuracy=1e-6), 3e-3, 1)
@@ -500,7 +454,7 @@ def test_held_out_levels_are_not_seen() -> None:
     out = table.level == table.levels[3]
     held = Observation(hold_out=(float(table.levels[3]),))
     spoilt = changed(table, force=np.where(out, 7 * table.force, table.force))
-    one, other = (rank(seen, [laws[name] for name in FEW], held) for seen in (table, spoilt))
+    one, other = (rank(seen, named(*FEW), held) for seen in (table, spoilt))
     assert [c.name for c in one.candidates] == [c.name for c in other.candidates]
     assert [c.bic for c in one.candidates] == [c.bic for c in other.candidates]
 
@@ -518,9 +472,7 @@ _WITHOUT_PHASES = {
 
 @cache
 def _exact(name: str) -> ResponseSurface:
-    law, values = _WITHOUT_PHASES[name]
-    test = rsgen.SimulatedTest([2, 5, 8, 12], np.linspace(8, 13, 31))
-    return rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+    return virtual(*_WITHOUT_PHASES[name], [2, 5, 8, 12], np.linspace(8, 13, 31), noise_relative=0.0)
 
 
 def _without_phases(name: str, seed: int) -> ResponseSurface:
@@ -536,9 +488,7 @@ def test_laws_are_ranked_without_phases(name: str, seed: int) -> None:
     assert ranking[ranking.candidates[0].name].values.keys() == {*_WITHOUT_PHASES[name][1], "m"}
     # one stop of twice the stiffness is nearly the same along sines: three of twenty seeds do not tell it
     doubts = {finding.code for finding in ranking.verdict.decided_by}
-    assert ranking.verdict.usable or (
-        name == "gap" and seed in (6, 10, 18) and doubts == {"mirror-image-fits"}
-    )
+    assert doubts <= ({"mirror-image-fits"} if name == "gap" and seed in (6, 10, 18) else set())
     # one number a point, and not a complex one: as much noise as there is
     assert ranking.noise == pytest.approx(NOISE, rel=0.3)
     for name_of, value in _WITHOUT_PHASES[name][1].items():
@@ -551,7 +501,7 @@ def test_without_phases_no_law_fits_a_wrong_level_or_another_law(name: str) -> N
     table = _without_phases(name, 0)
     top = table.level == table.levels[-1]
     wrong = rank(changed(table, force=np.where(top, 1.15, 1) * table.force), list(_RIVALS))
-    assert "no-law-fits" in [finding.code for finding in wrong.findings]
+    assert "no-law-fits" in codes(wrong)
     # a gap is as good as a cubic spring of this size
     like = {_WITHOUT_PHASES[name][0], _RIVALS[3] if name == "cubic" else ""}
     assert not rank(table, [law for law in _RIVALS if law not in like]).fits
@@ -592,18 +542,12 @@ CASE = {
 }
 
 
-def test_another_law_leaves_truth_and_formulas_behind(tmp_path: Path) -> None:
-    case = load_case(write_small(tmp_path, "ranked", CASE))
-    assert case.with_model(case.model) is case
-    other = case.with_model(BASE)
-    assert other.model is BASE
-    assert other.truth is None
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_laws")
 def test_a_run_tells_how_far_its_ranking_is_and_its_page_how_to_go_on(tmp_path: Path) -> None:
     path, seen = write_small(tmp_path, "ranked", CASE), list[Step]()
+    # the law of a ranking leaves truth and formulas of its case behind
+    assert load_case(path).with_model(BASE).truth is None
     done = run_case(path, tmp_path / "out", progress=seen.append)
     assert done.verdict is not None
     assert [*dict.fromkeys(step.stage for step in seen)] == ["surface", "ranking", "report"]
@@ -618,12 +562,9 @@ def test_a_law_that_is_the_best_is_written_as_a_case_has_it(tmp_path: Path) -> N
     first, second = ranking.in_case.split(" and ")
     assert first == '[[element]] name = "law", force = "c*v + k*x"'
     table = second.removeprefix("[[element]] ").replace(", ", "\n")
-    assert tomllib.loads(table) == {
-        "name": "joint",
-        "across": "rotor - base",
-        "force": "kj*x + z",
-        "memory": {"z": "sigma*v*(1 - z*sign(v)/Fc)"},
-    }
+    memory = {"z": "sigma*v*(1 - z*sign(v)/Fc)"}
+    joint_of_case = {"name": "joint", "across": "rotor - base", "force": "kj*x + z", "memory": memory}
+    assert tomllib.loads(table) == joint_of_case
 
 
 @pytest.mark.usefixtures("few_laws")
@@ -633,25 +574,22 @@ def test_the_command_ranks_the_test_of_a_case(
     path = write_small(tmp_path)
     tested = changed(measured("cubic"), origin="measured")
     monkeypatch.setattr("rsgen.app.cli.rank_command.obtain_table", lambda case: tested)
-    done = run_cli("rank", path, "--json")
-    assert done.code == 0
-    answer = json.loads(done.out)
-    assert answer["candidates"][0]["name"] == "cubic-spring"
+    answer = json.loads(run_cli("rank", path, "--json").out)
+    assert (answer["candidates"][0]["name"], answer["fits"]) == ("cubic-spring", True)
     assert not any(candidate["own"] for candidate in answer["candidates"])
-    assert answer["fits"] is True
     printed = run_cli("rank", path)
-    text = printed.out
     assert f"laws and their sums on {len(measured('cubic'))} points" in printed.err
-    assert text.startswith("Identified: cubic-spring + linear-damper fits best")
+    assert printed.out.startswith("Identified: cubic-spring + linear-damper fits best")
     # with intervals: the best law is identified, and then put into a case
-    values = [line.split() for line in text.splitlines()[-6:-2]]
+    *_, law = lines = printed.out.splitlines()
+    values = {line.split()[0]: line.split() for line in lines[-6:-2]}
     units = {"c": "N*s/m", "k": "N/m", "k3": "N/m^3", "m": "kg"}
-    assert [(value[0], value[-1]) for value in values] == [*units.items()]
-    assert 'force = "c*v + k*x + k3*x**3" into the case' in text.splitlines()[-1]
+    assert {name: words[-1] for name, words in values.items()} == units
+    assert 'force = "c*v + k*x + k3*x**3" into the case' in law
     low, high = answer["best"]["k3"]["interval"]
-    assert high - low == pytest.approx(float(values[2][4]) - float(values[2][2]), rel=0.05)
+    assert high - low == pytest.approx(float(values["k3"][4]) - float(values["k3"][2]), rel=0.05)
     # what the values, and which law is the best, may hang on
-    assert "\nall values scale with the units of force" in text
+    assert "\nall values scale with the units of force" in printed.out
     given = write_small(tmp_path, "given", {"identify.fixed": {"m": MASS}})
     assert "\nm is taken as exact: its error comes on top" in run_cli("rank", given).out
 
@@ -659,7 +597,9 @@ def test_the_command_ranks_the_test_of_a_case(
 def test_a_candidate_that_cannot_be_fitted_stands_last_with_the_reason() -> None:
     # friction of the library, a damper that feeds energy, and a force without a value at rest
     table = noisy(surface("coulomb", values={"k": 5920.0, "c": 4.5, "Ff": -0.15}), NOISE, 1)
-    ranking = rank(table, [laws["coulomb"], "k*x + c*v", "k*x + c*v + F*log(x)"])
+    # an exponent that is the displacement was looked up among the values of powers
+    growing = "k*x + c*v + a*(2**(100*x) - 2**(-100*x))"
+    ranking = rank(table, [laws["coulomb"], "k*x + c*v", growing, "k*x + c*v + F*log(x)"])
     faults = {candidate.name: candidate.fault for candidate in ranking if candidate.fault}
     assert faults == {
         "c*v + k*x + F*log(x)": "its force is not finite along the motion",
@@ -676,11 +616,10 @@ def test_a_ranking_judges_the_misfit_of_its_best_law_as_its_identification_does(
     inside = (table.frequency > 9.4) & (table.frequency < 10.4)
     spoilt = changed(table, force=table.force * np.where(inside, 1.015, 1.0))
     ranking = rank(spoilt, ["k*x + kn*x**3 + c*v"])
-    assert "law-does-not-fit" in {finding.code for finding in ranking.best.findings}
+    assert "law-does-not-fit" in codes(ranking.best)
     assert ranking.verdict.state == "identified"
-    said = [sentence(finding) for finding in ranking.findings]
-    assert not any("looks like noise" in text for text in said)
-    assert any("systematic, not noise" in text for text in said)
+    (best,) = (finding for finding in ranking.findings if finding.code == "law-fits-best")
+    assert best.names["left"] == "systematic"
 
 
 @pytest.mark.slow
@@ -689,11 +628,8 @@ def test_a_ranking_judges_the_misfit_of_its_best_law_as_its_identification_does(
 def test_a_known_law_is_found_beside_a_background(law: str, kind: Any, whole: bool) -> None:
     table = measured(law, 0.0)
     receptance = 3e-4 - 4e-5j + (0.9 + 0.1j) / table.omega**2 * (kind == "residuals")
-    harmonics = np.array(table.harmonics)
-    harmonics[:, 1] += receptance * table.force
-    seen = changed(table, harmonics=harmonics, force=table.force * np.exp(-0.2j))
-    names = (*_STOPS, "quadratic-damper", "coulomb")
-    rivals = None if whole else [laws[name] for name in names]
+    seen = beside(table, receptance * table.force, force=table.force * np.exp(-0.2j))
+    rivals = None if whole else named(*_STOPS, "quadratic-damper", "coulomb")
     ranking = rank(noisy(seen, 0.003, 1), rivals, Observation(background=kind))
     assert NAMES[law] in winners(ranking)
     assert ranking.fits
@@ -708,10 +644,10 @@ def test_a_formula_that_the_library_has_stands_once() -> None:
 
 def test_a_law_of_the_library_in_another_form_is_that_law() -> None:
     """They were two laws that the test did not separate, which says nothing of the structure."""
-    truth = rsgen.Oscillator(1.5, "k*sinh(a*x)/a + c*v", {"k": 6e3, "c": 3.0, "a": 120.0})
-    plan = rsgen.SimulatedTest([0.5, 1.5, 3.0], np.linspace(8, 12, 25), noise_relative=5e-3, seed=1)
-    own = "F*(exp(x/L) - exp(-x/L)) + c*v"
-    ranking = rank(rsgen.simulate(truth, plan), [own, laws["sinh-spring"], laws["coulomb"]])
+    grid, own = np.linspace(8, 12, 25), "F*(exp(x/L) - exp(-x/L)) + c*v"
+    values = {"k": 6e3, "c": 3.0, "a": 120.0}
+    table = virtual("k*sinh(a*x)/a + c*v", values, [0.5, 1.5, 3.0], grid, noise_relative=5e-3)
+    ranking = rank(table, [own, *named("sinh-spring", "coulomb")])
     assert ranking.candidates[0].values["L"] == pytest.approx(1 / 120, rel=0.02)
     assert "sinh-spring" not in {candidate.name for candidate in ranking}
 
@@ -720,14 +656,9 @@ def test_a_law_of_the_library_in_another_form_is_that_law() -> None:
 def test_a_stop_that_few_points_of_another_level_show_is_predicted_by_a_fit(harmonics: int) -> None:
     """Levels were predicted by slopes at a breakpoint, 200 % off, so that laws without a stop came first."""
     values = {"k": 4578.0, "c": 2.949, "kg": 8907.0, "b": 2.811e-4}
-    truth = rsgen.Oscillator(2.92, "k*x + c*v + kg*Max(0, x - b)", values)
-    plan = rsgen.SimulatedTest([0.035, 0.1167], np.linspace(5.04, 8.51, 50), noise_relative=5e-3, seed=5)
-    made = rsgen.simulate(truth, plan)
-    seen = made.harmonics[:, 1] if harmonics == 1 else made.harmonics
-    ranking = rank(
-        rsgen.ResponseSurface(made.level, made.frequency, made.force, seen),
-        [laws[name] for name in ("one-sided-stop", "two-sided-stop", "dead-zone", "cubic-spring")],
-    )
+    law, grid = "k*x + c*v + kg*Max(0, x - b)", np.linspace(5.04, 8.51, 50)
+    table = virtual(law, values, [0.035, 0.1167], grid, 2.92, noise_relative=5e-3, seed=5)
+    ranking = rank(fundamentals(table) if harmonics == 1 else table, named(*_STOPS))
     assert ranking.verdict.state == "identified"
     assert ranking.candidates[0].name == "one-sided-stop"
     assert ranking.candidates[0].held_out_error < 0.1
@@ -753,18 +684,16 @@ def test_a_term_that_its_identification_does_not_tell_from_zero_is_not_first() -
 @cache
 def _rubbing() -> ResponseSurface:
     """Two harmonics of a cubic spring with Coulomb friction, over small and large motions."""
-    oscillator = rsgen.Oscillator(
-        1.45, "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2.6e4, "k3": 3e8, "c": 6.0, "Ff": 0.6}
-    )
-    plan = rsgen.SimulatedTest([2.0, 4.0, 7.0, 11.0], np.linspace(19, 30, 23))
-    table = noisy(rsgen.simulate(oscillator, plan), 1e-3, 1)
+    law, values = "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2.6e4, "k3": 3e8, "c": 6.0, "Ff": 0.6}
+    table = virtual(law, values, [2.0, 4.0, 7.0, 11.0], np.linspace(19, 30, 23), 1.45, noise_relative=0.0)
+    table = noisy(table, 1e-3, 1)
     return changed(table, harmonics=table.harmonics[:, :4] * [np.nan, 1, np.nan, 1])
 
 
 @cache
 def _rubbing_by_bic(*formulas: str) -> dict[str, Candidate]:
     names = ("cubic-spring", "coulomb", "odd-power-spring", "tanh-friction", "joint-polynomial")
-    ranking = rank(_rubbing(), [*(laws[name] for name in names), *formulas])
+    ranking = rank(_rubbing(), [*named(*names), *formulas])
     return {candidate.name: candidate for candidate in ranking}
 
 
@@ -788,44 +717,39 @@ def test_steep_friction_without_a_jump_is_nearly_dry_friction() -> None:
 
 
 def test_two_laws_that_a_test_does_not_tell_apart_both_stand_and_doubts_about_the_data_come_first() -> None:
-    rig = rsgen.Oscillator(1.35, "k*x + k3*x**3 + c*v", {"k": 1.1e4, "k3": -6e6, "c": 2.6})
-    grid = np.linspace(11.0, 17.0, 40)
-    table = noisy(rsgen.simulate(rig, rsgen.SimulatedTest([1.0, 3.0], grid)), 0.01, 3)
+    law, values, grid = "k*x + k3*x**3 + c*v", {"k": 1.1e4, "k3": -6e6, "c": 2.6}, np.linspace(11, 17, 40)
+    table = noisy(virtual(law, values, [1.0, 3.0], grid, 1.35, noise_relative=0.0), 0.01, 3)
     ranking = rank(table, ["k*x + k3*x**3 + c*v", "k*sin(a*x)/a + c*v"])
     assert [candidate.tied for candidate in ranking.candidates] == [True, True]
     doubt = Finding("another-quantity", "doubt", names={"read": "", "is": "radian", "sure": "yes"})
     wrong = changed(table, harmonics=np.conj(table.harmonics), findings=(doubt,))
-    assert [f.code for f in rank(wrong, ["k*x + c*v"]).findings][:1] == ["structure-feeds-exciter"]
-    assert doubt in rank(wrong, ["k*x + c*v"]).verdict.decided_by
+    found = rank(wrong, ["k*x + c*v"])
+    assert found.findings[0].code == "structure-feeds-exciter"
+    assert doubt in found.verdict.decided_by
 
 
-def test_laws_are_equal_by_their_normal_form_whatever_their_names() -> None:
-    gap = terms_of(parse("k*x + k1*Max(x - b, 0) + k1*Min(0, x + b)"))
-    assert gap == terms_of(parse("q*(Min(0, x + g) + Max(0, x - g)) + p*x"))
-    assert gap != terms_of(parse("q*Max(0, x - g) + p*x"))
-    dahl = laws["dahl"].added
-    assert dahl == with_memory(parse("Fc*z"), {"z": "(v - abs(v)*z)/xs"})
-    assert terms_of(dahl) == terms_of(with_memory(parse("z0*y"), {"y": "v/L - y/L*abs(v)"}))
-    assert terms_of(dahl) != terms_of(with_memory(parse("q*z"), {"z": "(v - z)/tau"}))
-    assert terms_of(parse("k*x + k2*x*abs(x)")) == terms_of(parse("a*x**2*sign(x) + b*x"))
-    slider, iwan = (laws[name].force for name in ("jenkins", "iwan"))
-    assert terms_of(slider) != terms_of(iwan)
+DAHL = laws["dahl"].added
+IWAN = laws["iwan4"].force
 
 
-IWAN = str(laws["iwan4"].force)
-
-
-@pytest.mark.parametrize(
-    ("given", "same"),
-    [
-        (IWAN, IWAN.replace("R", "Q").replace("chi", "e")),
-        ("c*v + masing(K*x - R*x**p)", "c*v + masing(-Q*x**q + A*x)"),
-        ("k*x + masing(Fs*(1 - exp(-x/xs)))", "k*x + F*masing(1 - exp(-x/b))"),
-    ],
-    ids=["iwan4", "power", "exponential"],
-)
-def test_laws_whose_virgin_curve_is_linear_in_parameters_are_compared(given: str, same: str) -> None:
-    assert terms_of(parse(given)) == terms_of(parse(same)) != terms_of(parse("k*x + c*v"))
+@pytest.mark.parametrize(("given", "same", "another"), [
+    (
+        "k*x + k1*Max(x - b, 0) + k1*Min(0, x + b)", "q*(Min(0, x + g) + Max(0, x - g)) + p*x",
+        "q*Max(0, x - g) + p*x",
+    ),
+    (DAHL, with_memory(parse("Fc*z"), {"z": "(v - abs(v)*z)/xs"}),
+     with_memory(parse("q*z"), {"z": "(v - z)/tau"})),
+    (DAHL, with_memory(parse("z0*y"), {"y": "v/L - y/L*abs(v)"}), "k*x + c*v"),
+    ("k*x + k2*x*abs(x)", "a*x**2*sign(x) + b*x", laws["iwan"].force),
+    # a virgin curve that is linear in its parameters
+    (IWAN, str(IWAN).replace("R", "Q").replace("chi", "e"), laws["jenkins"].force),
+    ("c*v + masing(K*x - R*x**p)", "c*v + masing(-Q*x**q + A*x)", "k*x + c*v"),
+    ("k*x + masing(Fs*(1 - exp(-x/xs)))", "k*x + F*masing(1 - exp(-x/b))", "k*x + c*v"),
+])  # fmt: skip
+def test_laws_are_equal_by_their_normal_form_whatever_their_names(given: Any, same: Any, another: Any):
+    terms, like, other = (terms_of(parse(law)) if isinstance(law, str) else terms_of(law)
+                          for law in (given, same, another))  # fmt: skip
+    assert terms == like != other
 
 
 def test_what_predicts_levels_comes_before_what_fits_them() -> None:
@@ -843,24 +767,20 @@ def test_what_predicts_levels_comes_before_what_fits_them() -> None:
     assert order_candidates([1.0, 0.0, 0.5, 9.0], [np.nan] * 4, [4, 6, 7, 3])[0] == [0, 1, 2, 3]
 
 
-def test_a_fit_that_ends_at_the_limit_of_a_parameter_did_not_converge():
-    """Four times the largest displacement is the limit of xs; softening by a third power has none."""
-    ranking = rank(measured("cubic"), [laws["tanh-joint"]])
-    assert [one.name for one in ranking if not one.converged] == ["tanh-joint"]
-
-
 def test_fits_that_did_not_converge_are_marked_in_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    # four times the largest displacement is the limit of xs; softening by a third power has none
+    (lost,) = rank(measured("cubic"), named("tanh-joint"))
+    assert not lost.converged
     monkeypatch.setattr("rsgen.identification.ranking.candidate_fit.NEAR_STEPS", 1)
-    names = ["cubic-spring", "tanh-joint", "odd-power-spring", "quintic-spring"]
-    ranking = rank(measured("cubic"), [laws[name] for name in names])
-    lost = [candidate for candidate in ranking if not candidate.converged]
+    ranking = rank(
+        measured("cubic"), named("cubic-spring", "tanh-joint", "odd-power-spring", "quintic-spring")
+    )
+    lost = {one.name for one in ranking if not one.converged}
     assert lost
-    assert all({"xs", "p"} & candidate.values.keys() for candidate in lost)
-    entries = {entry["name"]: entry["converged"] for entry in ranking_entry(ranking)["candidates"]}
-    said = {row[0]: "did not converge" in row[4] for row in ranking.table.rows}
-    for candidate in ranking:
-        assert entries[candidate.name] is candidate.converged
-        assert any(said[name] is not candidate.converged for name in said if candidate.name in name)
+    assert all({"xs", "p"} & ranking[name].values.keys() for name in lost)
+    entries = ranking_entry(ranking)["candidates"]
+    assert {entry["name"] for entry in entries if not entry["converged"]} == lost
+    assert sum("did not converge" in row[4] for row in ranking.table.rows) == len(lost)
     caption, *lines = str(ranking).split("\n")
     assert caption.startswith("best: ")
     table = lines[: next(i for i, line in enumerate(lines) if line.startswith("* its fit did not converge"))]
@@ -869,35 +789,13 @@ def test_fits_that_did_not_converge_are_marked_in_80_columns(monkeypatch: pytest
     assert all(any(candidate.force in line for line in table) for candidate in ranking)
 
 
-def test_a_terminal_says_of_the_best_law_what_its_page_says(
-    tmp_path: Path, run_cli: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few = tuple(term for term in library_terms() if term.name in ("cubic-spring", "quadratic-spring"))
-    monkeypatch.setattr("rsgen.identification.ranking.selection.library_terms", lambda: few)
-    uneven = rsgen.Oscillator(1.5, "k*x + k2*x**2 + c*v", {"k": 6e3, "k2": 2e5, "c": 6.0})
-    plan = rsgen.SimulatedTest(level=[1, 2, 4], frequency=np.linspace(8, 12, 41), noise_relative=0.002)
-    test, path = rsgen.simulate(uneven, plan), write_small(tmp_path)
-    surface = ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1])
-    monkeypatch.setattr("rsgen.app.cli.rank_command.obtain_table", lambda case: surface)
-    assert "the sign of k2 is not identifiable" in run_cli("rank", path).out
-
-
 def test_the_progress_of_a_ranking_does_not_stand_still_after_its_stages() -> None:
     seen: list[float] = []
-    table = measured("cubic")
-    fundamental = ResponseSurface(table.level, table.frequency, table.force, table.harmonics[:, 1])
-    names = ["cubic-spring", "quadratic-spring", "bilinear-spring"]
-    rank(fundamental, [laws[name] for name in names], progress=seen.append)
+    rivals = named("cubic-spring", "quadratic-spring", "bilinear-spring")
+    rank(fundamentals(measured("cubic")), rivals, progress=seen.append)
     assert seen == sorted(set(seen))
     assert (seen[0], seen[-1] < 1) == (0, True)
     assert sum(0.5 <= share < 1 for share in seen) >= 2
-
-
-def test_an_exponent_that_is_the_displacement_is_no_power() -> None:
-    # its name was looked up among the values
-    table = measured("cubic")
-    ranking = rank(table, ["k*x + c*v + a*(2**(100*x) - 2**(-100*x))", "k*x + c*v"], mass=MASS)
-    assert {candidate.fault for candidate in ranking} == {""}
 
 
 @pytest.mark.slow
@@ -908,11 +806,11 @@ def test_a_law_that_loses_other_points_of_fundamentals_is_not_judged_by_these_al
     In the library smoothed friction ties with dry one and loses none; sums are not compared along its motion.
     """
     law = "k*x + c*v + kb*Max(x, 0) + Ff*sign(v)"
-    rig = rsgen.Oscillator(5.25, law, {"k": 1.31e5, "kb": 9.6e4, "c": 54.0, "Ff": 1.76})
+    values = {"k": 1.31e5, "kb": 9.6e4, "c": 54.0, "Ff": 1.76}
     frequency = np.concatenate([np.arange(10, 24, 0.25), np.arange(24, 34, 0.5)])
-    test = rsgen.simulate(rig, rsgen.SimulatedTest([3, 5, 10, 15, 25, 40], frequency, noise_relative=0.012))
-    fundamentals = ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1])
-    some = [rsgen.laws[name] for name in ("bilinear-spring", "coulomb", "tanh-friction")]
-    ranking = rank(fundamentals, some if library else ["k*x + c*v + Ff*sign(v)", law], mass=5.25)
+    table = virtual(law, values, [3, 5, 10, 15, 25, 40], frequency, 5.25, noise_relative=0.012, seed=0)
+    some = named("bilinear-spring", "coulomb", "tanh-friction")
+    rivals = some if library else ["k*x + c*v + Ff*sign(v)", law]
+    ranking = rank(fundamentals(table), rivals, mass=5.25)
     assert ranking.fits
     assert set(ranking.candidates[0].values) == {"k", "kb", "c", "Ff"}
