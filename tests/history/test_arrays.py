@@ -40,7 +40,6 @@ SWEEP = rs.history.TimeHistory(RATE, np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME
     (lambda h: h.TimeHistory(RATE, SINE, SINE, start=np.inf), "start: inf s"),
     (lambda h: h.from_swept_sine([]), "swept sine: one TimeHistory or more"),
     (lambda h: h.from_swept_sine(h.TimeHistory(RATE, None, SINE)), "no force"),
-    (lambda h: h.from_swept_sine(h.TimeHistory(RATE, 0 * SINE, SINE)), "no sweep found"),
     (lambda h: h.from_swept_sine(SWEEP, band=(20.0, 30.0)), "does not pass the band"),
     (lambda h: h.from_swept_sine(SWEEP, bandwidth=9.0), "harmonics of .* mix"),
     (lambda h: h.from_swept_sine(SWEEP, law="cubic"), "must be one of linear"),
@@ -51,15 +50,9 @@ SWEEP = rs.history.TimeHistory(RATE, np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME
     (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), band=(9, 2)), "lowest, highest"),
     (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), band=(2, 9)), "no step .* in the band"),
     (lambda h: h.from_stepped_sine(h.TimeHistory(RATE, SINE, SINE), harmonics=0), "must be 1 or more"),
-    (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE)), "give the mass"),
     (lambda h: h.from_free_decay(h.TimeHistory(RATE, SINE, SINE), mass=1.0), "force does not end"),
-    (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE[:100]), mass=1.0), "are needed: record it"),
     (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, SINE), mass=1.0), "does not fall by a tenth"),
     (lambda h: h.from_free_decay(h.TimeHistory(RATE, None, 0 * SINE), mass=1.0), "nothing moves"),
-    (
-        lambda h: h.from_free_decay(h.TimeHistory(RATE, None, np.exp(-20 * TIME) * SINE), mass=1.0),
-        "4 periods above noise",
-    ),
 ])  # fmt: skip
 def test_faults_are_sentences(make: object, message: str) -> None:
     with pytest.raises(rs.RsgenError, match=message):

@@ -17,19 +17,15 @@ BAND = butter(4, [5, 50], "band", fs=RATE, output="sos")
 READERS = {"stepped": from_stepped_sine, "swept": from_swept_sine}
 
 
-def blows() -> np.ndarray:
-    return sum(300 * np.exp(-(((TIME - at) / 0.004) ** 2)) for at in (5, 40, 80))
-
-
-def multisine() -> np.ndarray:
-    phases = np.random.default_rng(1).uniform(0, 2 * np.pi, 140)
-    return sum(np.cos(2 * np.pi * k / 12 * TIME + phase) for k, phase in enumerate(phases, start=60))
+BLOWS = sum(300 * np.exp(-(((TIME - at) / 0.004) ** 2)) for at in (5, 40, 80))
+PHASES = np.random.default_rng(1).uniform(0, 2 * np.pi, 140)
+MULTISINE = sum(np.cos(2 * np.pi * k / 12 * TIME + phase) for k, phase in enumerate(PHASES, start=60))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("force", [
-    RANDOM[0], sosfilt(BAND, RANDOM[0]), np.tile(RANDOM[0, :1000], len(TIME) // 1000), multisine(), blows(),
+    RANDOM[0], sosfilt(BAND, RANDOM[0]), np.tile(RANDOM[0, :1000], len(TIME) // 1000), MULTISINE, BLOWS,
 ], ids=["white", "band", "periodic noise", "multisine", "blows"])  # fmt: skip
 def test_what_is_no_sine_is_refused(reader: str, force: np.ndarray) -> None:
     with pytest.raises(MeasurementError, match=r'blow.*"ring-down".*"multisine".*random force'):

@@ -91,7 +91,6 @@ def test_the_error_of_a_step_is_that_of_its_noise() -> None:
     (0.3, 0.0, Outcome.PERIOD_TWO), (0.005, 0.0, Outcome.SETTLED), (0.3, 0.2, Outcome.SETTLED),
 ])  # fmt: skip
 def test_a_step_whose_motion_repeats_after_two_periods_is_called_so(half, decay, outcome):
-    """Next to a stop the period of the motion doubles; such steps were outliers of a fit."""
     t = np.arange(0, 40, 1 / RATE)
     omega = 2 * np.pi * np.where(t < 20, 10, 12)
     x = np.cos(omega * t - 1) + half * np.exp(-decay * (t - 20)) * (t >= 20) * np.cos(omega * t / 2)

@@ -19,8 +19,7 @@ def records(*, of_force: float, of_response: float, mean_known: bool = True) -> 
     generator = np.random.default_rng(2)
 
     def drawn(size: float) -> np.ndarray:
-        noise = generator.standard_normal((2, 1, PERIODS, LINES + 1)) * size
-        noise[..., 0] = 0.0
+        noise = generator.standard_normal((2, 1, PERIODS, LINES + 1)) * size * (np.arange(LINES + 1) > 0)
         return noise[0] + 1j * noise[1]
 
     response = np.zeros((1, 1, LINES + 1), dtype=complex)

@@ -79,15 +79,6 @@ def test_a_mass_with_an_error_is_one_more_equation_of_the_lines():
     assert said["fitted"] == pytest.approx(MASS, rel=0.01)
 
 
-@pytest.mark.slow
-def test_nonlinear_parameters_are_searched():
-    def arctan(x: Array, v: Array) -> Array:
-        return 5000 * x + 20 * np.arctan(x / 2e-3) + 4 * v
-
-    found = rsgen.identify(spectra(arctan, SIZES, lines=2048), "k*x + F*atan(x/b) + c*v")
-    assert max(errors(found, {"k": 5000, "F": 20, "b": 2e-3, "c": 4}).values()) < 1e-6
-
-
 def test_reversed_and_mixed_up_records_are_not_believed():
     good = spectra(duffing, SIZES, **NOISY)
     for force, response in ((good.force, -good.response), (good.force, np.conj(good.response))):
@@ -106,19 +97,17 @@ def test_reversed_and_mixed_up_records_are_not_believed():
 @pytest.mark.slow
 def test_a_delay_between_the_channels_is_named_with_its_size():
     good = spectra(duffing, SIZES, **NOISY)
-    delay = 1e-3
-    late = good.response * np.exp(-1j * good.lines * OMEGA0 * delay)
+    late = good.response * np.exp(-1j * good.lines * OMEGA0 * 1e-3)
     found = rsgen.identify(rsgen.MultisineSpectra(good.level, OMEGA0, good.force, late), LAW)
     (said,) = [finding for finding in found.findings if finding.code == "channels-delayed"]
-    assert said["delay"] == pytest.approx(delay, rel=0.02)
+    assert said["delay"] == pytest.approx(1e-3, rel=0.02)
     assert not found.verdict.usable
     assert "channels-delayed" not in codes(rsgen.identify(good, LAW))
 
 
 def test_held_out_levels_are_not_seen():
     whole = spectra(duffing, SIZES)
-    wrong = np.array(whole.response)
-    wrong[1] *= 3
+    wrong = whole.response * np.array([1, 3, 1])[:, None, None]
     level = float(whole.level[1])
     observed = rsgen.Observation(hold_out=(level,))
     found = rsgen.identify(rsgen.MultisineSpectra(whole.level, OMEGA0, whole.force, wrong), LAW, observed)
@@ -156,8 +145,7 @@ def test_period_and_transient_are_found(quantity):
     read = from_multisine(histories(12, decay, quantity))
     assert read.omega0 == pytest.approx(OMEGA0)
     found = rsgen.identify(read, "k*x + c*v")
-    assert found["k"].value == pytest.approx(TRUE["k"], rel=1e-3)
-    assert found["c"].value == pytest.approx(TRUE["c"], rel=1e-3)
+    assert max(errors(found, {"k": TRUE["k"], "c": TRUE["c"]}).values()) < 1e-3
     assert read.left_out[0] >= 2
     given = from_multisine(histories(12, decay, quantity), period=512, transient=4)
     assert given.periods == 8
@@ -204,10 +192,10 @@ def test_silverbox_as_published(measured_data):
 
 
 def test_a_given_mass_that_a_multisine_contradicts_is_named():
-    oscillator = rsgen.Oscillator(MASS, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 4e6, "c": 4.0})
-    test = rsgen.MultisineTest(np.array([3.0, 8.0]), (2.5, 20.0), 2.0, periods=8, noise_relative=0.01)
-    spectra = rsgen.simulate(oscillator, test)
-    found = rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=1.03 * MASS)
+    law, values = "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 4e6, "c": 4.0}
+    test = rsgen.MultisineTest((3.0, 8.0), (2.5, 20.0), 2.0, periods=8, noise_relative=0.01)
+    spectra = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+    found = rsgen.identify(spectra, law, mass=1.03 * MASS)
     (said,) = (finding for finding in found.verdict.decided_by if finding.code == "fixed-contradicted")
     assert said["fitted"] == pytest.approx(MASS, rel=0.005)
-    assert rsgen.identify(spectra, "k*x + k3*x**3 + c*v", mass=MASS).verdict.state == "identified"
+    assert rsgen.identify(spectra, law, mass=MASS).verdict.state == "identified"

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen import sentence
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.history import TimeHistory, from_multisine
 from tests.surfaces import severities
@@ -75,11 +74,9 @@ def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():
     assert (np.asarray(longer.left_out) >= 1).all()
     assert short(longer) == []
     # the case says that nothing is to be left out: it was believed
-    said = [
-        one for one in from_multisine(records(8, rest=True), transient=0).findings if "given" in one.numbers
-    ]
+    begins = from_multisine(records(8, rest=True), transient=0)
+    said = [one for one in begins.findings if "given" in one.numbers]
     assert [one.severity for one in said] == ["doubt"] * len(records(8))
-    assert "the first that is used differs from the settled ones by" in sentence(said[0])
     assert not any("given" in one.numbers for one in from_multisine(records(8), transient=0).findings)
     with pytest.raises(MeasurementError, match="transient: -1 periods; 0 or more"):
         from_multisine(records(4), transient=-1)
@@ -87,9 +84,9 @@ def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():
 
 def changed(one: TimeHistory, channel: str, gain: np.ndarray) -> TimeHistory:
     """A record whose force or response was read with another gain (n,) from some instant on."""
-    both = {"reference": np.asarray(one.reference), "response": np.asarray(one.response)}
-    both[channel] = both[channel] * gain
-    return TimeHistory(one.rate, both["reference"], both["response"], level=one.level, label=one.label)
+    force, response = np.asarray(one.reference), np.asarray(one.response)
+    both = (force * gain, response) if channel == "reference" else (force, response * gain)
+    return TimeHistory(one.rate, *both, level=one.level, label=one.label)
 
 
 @pytest.mark.parametrize("channel", ["reference", "response"])
@@ -116,4 +113,4 @@ def test_records_with_one_gain_are_not_doubted(rest, seeds):
         histories = records(2 + seed % 8 + 2 * rest, rest=rest, levels=(1.0 + seed,), seed=seed)
         found = rsgen.identify(from_multisine(histories), "k*x + c*v")
         assert found.verdict.state == "identified", seed
-        assert "parts-disagree" not in {finding.code for finding in found.findings}
+        assert "parts-disagree" not in severities(found)

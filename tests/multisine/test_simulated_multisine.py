@@ -11,11 +11,9 @@ from numpy.lib import format as npy
 
 import rsgen
 from rsgen.identification.lines import line_identification
-from rsgen.law.numeric import ForceLaw
-from rsgen.report.sentences import next_step
 from tests.case_files import law as case_law
 from tests.case_files import write_small
-from tests.surfaces import errors
+from tests.surfaces import codes, errors
 
 pytestmark = pytest.mark.slow
 
@@ -43,7 +41,6 @@ def test_parameters_come_back(name, within):
 
 @pytest.mark.parametrize("mean", [0.0, 3e-4, "subtracted"])
 def test_an_even_force_does_not_take_up_the_offset_of_a_sensor(mean):
-    """With a laser 0.3 mm off, k2 was identified a quarter too small: the lines above zero do not tell."""
     right, (law, values) = simulated("even", (0.5, 1.0, 2.0), periods=4, noise_relative=1e-3), LAWS["even"]
     motion = np.array(right.response)
     motion[..., 0] = 0.0 if mean == "subtracted" else motion[..., 0] + mean
@@ -52,11 +49,9 @@ def test_an_even_force_does_not_take_up_the_offset_of_a_sensor(mean):
     assert found["k2"].interval[0] < 2e5 < found["k2"].interval[1]
     said = [finding for finding in found.findings if finding.code == "sensor-offset"]
     assert [finding.severity for finding in said] == ["warning"] * (mean != 0.0)
-    if said:
-        assert "where none was recorded, as where the zero of the sensor is off" in rsgen.sentence(said[0])
     # of a law that lacks the even term nothing is blamed on a sensor
     wrong = rsgen.identify(right, "k*x + k3*x**3 + c*v")
-    assert "sensor-offset" not in {finding.code for finding in wrong.findings}
+    assert "sensor-offset" not in codes(wrong)
 
 
 @pytest.mark.parametrize(("displacement", "force", "state"), [
@@ -72,13 +67,10 @@ def test_where_the_force_has_a_mean_an_offset_that_moves_values_is_a_doubt(displ
     assert found.verdict.state == state
     said = [finding for finding in found.findings if finding.code == "sensor-offset"]
     assert len(said) == (state == "doubtful")
-    for finding in said:
-        assert "if it is that of the displacement, k, k2 change" in rsgen.sentence(finding)
-        assert next_step(finding).startswith("See what both sensors show at rest")
+    assert {finding.names["values"] for finding in said} <= {"k, k2"}
 
 
 def test_a_held_out_record_that_is_not_reached_from_rest_is_predicted_near_the_measured_motion(monkeypatch):
-    """The law was blamed, as without a steady state, where the way from rest is too far."""
     solve = line_identification.periodic_response
 
     def far_from_rest(law, values, mass, base, force, start, far):
@@ -90,38 +82,16 @@ def test_a_held_out_record_that_is_not_reached_from_rest_is_predicted_near_the_m
     found = rsgen.identify(spectra, LAWS["cubic"][0], rsgen.Observation(hold_out=(8.0,)))
     assert found.held_out[0].error < 0.01
     assert rsgen.figures.draw_held_out(rsgen.predict(found)).name == "predicted-record"
-    assert "no-steady-state" not in {finding.code for finding in found.findings}
+    assert "no-steady-state" not in codes(found)
 
 
-@pytest.mark.parametrize(
-    ("lines", "noise"), [("odd", 0.01), pytest.param("all", 0.003, marks=pytest.mark.thorough)]
-)
-def test_friction_is_no_smoother_than_it_was(lines, noise):
-    """Along the lines of the record alone a sharp friction had a width, or a misfit that made it doubtful."""
-    law = "k*x + c*v + F*tanh(v/vs)"
-    found = rsgen.identify(simulated("friction", periods=4, lines=lines, noise_relative=noise, seed=1), law)
+def test_friction_is_no_smoother_than_it_was():
+    spectra = simulated("friction", periods=4, lines="odd", noise_relative=0.01, seed=1)
+    found = rsgen.identify(spectra, "k*x + c*v + F*tanh(v/vs)")
     assert found.verdict.state == "identified"
     assert found["vs"].finding is not None
     assert found["vs"].interval[0] <= 0
     assert found["vs"].interval[1] < 0.05
-
-
-@pytest.mark.thorough
-def test_a_profile_of_a_smooth_friction_takes_no_more_lines_than_show_it(monkeypatch):
-    """Each of its fits took sixteen times the lines recorded, and steps that undid the spring: 12 s."""
-    evaluated, sample = 0, ForceLaw.sample
-
-    def counted(self, x, *more):
-        nonlocal evaluated
-        evaluated += np.size(x)
-        return sample(self, x, *more)
-
-    monkeypatch.setattr(ForceLaw, "sample", counted)
-    spectra = simulated("friction", periods=4, lines="odd", noise_relative=0.01, seed=1)
-    found = rsgen.identify(spectra, "k*x + c*v + F*tanh(v/vs)")
-    assert found["vs"].interval == (-np.inf, pytest.approx(0.0282, rel=0.01))
-    # 21 million samples of the law; 191 million before
-    assert evaluated < 40e6
 
 
 def test_noise_is_of_the_declared_size_and_distortions_stand_where_they_belong():
@@ -206,11 +176,11 @@ def test_a_file_that_declares_more_than_it_holds_is_refused_before_it_is_read(tm
     path = _damaged(tmp_path, force=None)
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("force.npy", header.getvalue())
-    with pytest.raises(rsgen.RsgenError, match="cannot be read as spectra"):
-        rsgen.load_spectra(path)
-    path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(rsgen.RsgenError, match="cannot be read as spectra"):
-        rsgen.load_spectra(path)
+    whole = path.read_bytes()
+    for content in (whole, whole[:200]):
+        path.write_bytes(content)
+        with pytest.raises(rsgen.RsgenError, match="cannot be read as spectra"):
+            rsgen.load_spectra(path)
     path.unlink()
     with pytest.raises(rsgen.RsgenError, match="there is no such file"):
         rsgen.load_spectra(path)

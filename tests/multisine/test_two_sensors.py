@@ -9,7 +9,7 @@ import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.multisine.spectra import scatter
 from tests.case_files import MEASURED, write_small
-from tests.surfaces import distances, errors
+from tests.surfaces import codes, distances, errors
 
 OMEGA0, LINES, MASS = np.pi, 256, 1.5
 TRUTH = {"k": 5000.0, "c": 4.0, "kj": 4e6, "cj": 2.0, "m": MASS}
@@ -68,20 +68,18 @@ def test_noise_of_both_sensors_is_in_the_errors(seed, gauge):
     assert np.abs(distances(found, TRUTH)).max() < 4
     prediction = rs.predict(found)
     assert prediction.records[0].error < 0.01
-    assert [finding.code for finding in prediction.findings] == ["predicted-along-measured"]
+    assert codes(prediction) == {"predicted-along-measured"}
     with pytest.raises(RsgenError, match="known only where it was measured"):
         rs.predict(found, [1.0])
 
 
 def test_the_highest_lines_of_the_second_sensor_stay_though_each_is_below_its_noise():
-    """Without them a gap of 3 mm of two simulated masses was 0.5 % too small, twice its standard error."""
     records = spectra(0.01, 1)
     assert (records.reach()[1] < LINES).all()
     np.testing.assert_array_equal(records.far(1.0)[..., -1], (records.across - records.response)[..., -1])
 
 
 def test_lowest_lines_above_their_noise_are_part_of_the_motion_across():
-    """Zero in their place was off by up to ten times their noise: b1 - b2 of a stop was 3 errors off."""
     records = spectra(0.01, 1)
     motions = [np.array(records.response), np.array(records.across)]
     for motion in motions:
@@ -121,10 +119,6 @@ def test_a_background_that_the_second_sensor_does_not_share_is_in_the_interval(b
     assert set(said.names) == {"background of the second sensor"}
 
 
-def channel(samples: int) -> dict[str, object]:
-    return {"quantity": "displacement", "samples": samples}
-
-
 CASE = {
     **MEASURED,
     "element": [
@@ -133,7 +127,11 @@ CASE = {
     ],
     "test.excitation": "multisine", "test.file": ["low.csv", "middle.csv", "high.csv"],
     "test.time": {"rate": 256}, "test.force": {"samples": 1},
-    "test.channels": {"payload": channel(2), "wing": channel(3)}, "test.response": {"channels": "payload"},
+    "test.channels": {
+        name: {"quantity": "displacement", "samples": samples}
+        for name, samples in (("payload", 2), ("wing", 3))
+    },
+    "test.response": {"channels": "payload"},
 }  # fmt: skip
 
 
@@ -151,10 +149,7 @@ def test_time_histories_of_two_sensors_are_read_and_reported(tmp_path, run_cli):
     case = rs.load_case(path)
     found = rs.identify(rs.read(case), case.model)
     assert max(errors(found, TRUTH).values()) < 1e-4
-    assert run_cli("check", path).code == 0
     run_cli("run", path, "--out", tmp_path / "out")
-    page = (tmp_path / "out" / "joined" / "report.html").read_text(encoding="utf-8")
-    assert "held-out levels are predicted with what was measured there" in " ".join(page.split())
     notebook = (tmp_path / "out" / "joined" / "notebook.ipynb").read_text(encoding="utf-8")
     assert '"output_type": "error"' not in notebook
     with np.load(tmp_path / "out" / "joined" / "spectra.npz") as saved:

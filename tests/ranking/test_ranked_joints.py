@@ -84,7 +84,7 @@ def test_laws_of_the_library_are_put_between_the_sensors(few_laws: None) -> None
     ranking = rs.rank(noisy(SENSORS, 0.003), Model(ELEMENTS))
     own = next(candidate for candidate in ranking if candidate.own)
     assert own is ranking.candidates[0]
-    assert own.name == "cubic-spring"
+    assert (own.name, own.label) == ("cubic-spring", "the case's own law (cubic-spring)")
     assert all(f"; across {SENSORS}: " in candidate.force for candidate in ranking)
     assert all(element.across for element in ranking.model.elements if "j" in "".join(element.parameters))
 

@@ -9,7 +9,7 @@ import rsgen as rs
 from rsgen.data.oscillator import Model
 from rsgen.identification.ranking.records import RecordTest
 from rsgen.law.element import as_elements
-from tests.ranking.test_ranking import MASS, NOISE
+from tests.ranking.test_ranking import MASS, NOISE, named
 from tests.surfaces import codes
 
 BASE = "k*x + c*v"
@@ -19,9 +19,7 @@ LAWS: dict[str, tuple[str, dict[str, float], tuple[float, ...]]] = {
     "dead-zone": ("k_*(Max(x - b, 0) + Min(x + b, 0))", {"k_": 8000.0, "b": 2e-3}, (4, 6, 9)),
     "jenkins": ("Fs*masing(Min(x/xs, 1))", {"Fs": 2.0, "xs": 1.3e-3}, (4, 8, 14)),
 }
-RIVALS = [
-    rs.laws[name] for name in (*LAWS, "quintic-spring", "bilinear-spring", "quadratic-damper", "preload")
-]
+RIVALS = named(*LAWS, "quintic-spring", "bilinear-spring", "quadratic-damper", "preload")
 
 
 def virtual(name: str, seed: int = 0) -> rs.MultisineSpectra:
@@ -53,15 +51,14 @@ def test_a_joint_with_memory_is_found() -> None:
 
 @pytest.mark.parametrize("mean", ["subtracted", "offset"])
 def test_a_mean_that_is_the_sensors_decides_no_ranking(mean: str) -> None:
-    """None fitted where the mean was subtracted, and memory was tried for minutes."""
     gap = "Max(x - b, 0)" if mean == "subtracted" else "(Max(x - b, 0) + Min(x + b, 0))"
     truth = rs.Oscillator(MASS, f"{BASE} + kg*{gap}", {"k": 5000.0, "c": 15.0, "kg": 8000.0, "b": 2e-3})
     plan = rs.MultisineTest((4, 6, 9), (2.5, 20), 1.0, periods=4, noise_relative=NOISE / 4)
     spectra = rs.simulate(truth, plan)
     response = np.array(spectra.response)
     response[:, :, 0] = 0 if mean == "subtracted" else response[:, :, 0] + 3e-4
-    names = ("dead-zone", "one-sided-stop", "jenkins")
-    ranking = rs.rank(replace(spectra, response=response), [rs.laws[name] for name in names])
+    rivals = named("dead-zone", "one-sided-stop", "jenkins")
+    ranking = rs.rank(replace(spectra, response=response), rivals)
     first = "one-sided-stop" if mean == "subtracted" else "dead-zone"
     assert ranking.candidates[0].name == first
     assert ranking.fits

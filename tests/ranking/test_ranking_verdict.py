@@ -12,7 +12,6 @@ from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, quantities, steps_once
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.dynamics.virtual_test import add_noise
 from rsgen.identification.fitting.fit import fit_simulator
 from rsgen.identification.identify import identify
 from rsgen.identification.ranking import rank
@@ -215,7 +214,6 @@ def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest
 
 
 def test_rounds_are_compared_at_the_points_of_all() -> None:
-    """A motion with fewer points, and less misfit there, was taken before one that has more."""
     test = PointTest(measured("cubic"), BASE, ())
     whole = test.along(CandidateLaw("", BASE.elements, ABOUT), None)
     assert whole is not None
@@ -244,17 +242,11 @@ def test_a_ranking_names_level_and_frequencies_of_the_points_that_it_excludes() 
     assert {"by": "ranking"} in counted
 
 
-FRICTION = named("coulomb", "power-damper", "tanh-friction")
-
-
 @pytest.mark.parametrize("fault", ["sign", "sense"])
-@pytest.mark.parametrize(
-    ("law", "candidates"), [("cubic", CUBIC), pytest.param("coulomb", FRICTION, marks=pytest.mark.thorough)]
-)
-def test_a_structure_that_feeds_the_exciter_is_rejected(law: str, candidates: list[Any], fault: str) -> None:
-    table = measured(law)
+def test_a_structure_that_feeds_the_exciter_is_rejected(fault: str) -> None:
+    table = measured("cubic")
     spoilt = -table.harmonics if fault == "sign" else np.conj(table.harmonics)
-    ranking = rank(changed(table, harmonics=spoilt), candidates)
+    ranking = rank(changed(table, harmonics=spoilt), CUBIC)
     assert not ranking.fits
     assert ranking.verdict.state == "rejected"
     assert "structure-feeds-exciter" in codes(ranking)
@@ -314,13 +306,9 @@ def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(error, 
 
 def test_a_mean_is_one_number_a_point() -> None:
     # in this noise neighbouring means agree by chance, as in one test of three thousand
-    values, plan = (
-        {"k": 5920.0, "k3": 3e5, "c": 3.8},
-        {"harmonics": 1, "accuracy": 1e-7, "noise_relative": 0.0},
-    )
-    table = virtual(CUBIC[1], values, np.linspace(2, 12, 6), np.linspace(8.5, 12.5, 33), **plan)
-    ranking = rank(add_noise(table, 0.01, seed=6), CUBIC)
-    assert ranking.fits
+    values, grid = {"k": 5920.0, "k3": 3e5, "c": 3.8}, np.linspace(8.5, 12.5, 33)
+    plan = {"harmonics": 1, "accuracy": 1e-7, "seed": 6}
+    assert rank(virtual(CUBIC[1], values, np.linspace(2, 12, 6), grid, **plan), CUBIC).fits
 
 
 def test_a_law_that_cannot_be_identified_is_doubted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -361,7 +349,6 @@ def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() 
 def test_a_law_that_feeds_energy_into_a_decay_is_not_first_where_another_fits(
     code: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A Stribeck law with a negative part came first for a plucked beam, and was to be gone on with."""
     feeding = Finding(code, "doubt", "c", quantities(value=-1.0, share=2.0))
 
     def doubted(surface: ResponseSurface, model: Model) -> Identification:

@@ -16,12 +16,14 @@ from tests.faults.scratch import Scratch
 PAGE = ROOT / "docs" / "architecture.md"
 PLACE = re.compile(r"# (?P<file>\S+), (?P<how>below|in place of|new|at its end)(?:: (?P<line>.+))?")
 
-USER = '''
-import json, sys
+USER = """
+import json
+from pathlib import Path
 import numpy as np
 import rsgen as rs
 from rsgen.cases.case import case_schema
 from rsgen.report.sentences import next_step
+from tests.case_files import MEASURED, write_small
 
 # response held at three amplitudes of a septic spring: the force follows from the balance of one harmonic
 f = np.tile(np.linspace(8.0, 12.0, 18), 3)
@@ -31,40 +33,14 @@ F = X * (5920 + 35 / 64 * 2e18 * X**6 - 1.5 * omega**2 + 7.5j * omega)
 table = np.array([f, F.real, F.imag, X, 0 * X])
 with open("held.flt", "wb") as file:
     file.write(b"FLT1" + np.array(table.shape, dtype="<u4").tobytes() + table.tobytes())
-with open("held.toml", "w") as file:
-    file.write("""
-schema = 1
-name = "held"
-title = "A test that needs every recipe"
-element = [{ name = "spring", law = "septic-spring" }, { name = "damper", force = "c*v" }]
-
-[test]
-kind = "measured"
-file = "held.flt"
-format = "flt"
-control = "response"
-humidity = 0.4
-
-[test.frequency]
-column = 1
-
-[test.force]
-real = 2
-imaginary = 3
-phase_sense = "lead"
-
-[test.response]
-quantity = "displacement"
-real = 4
-imaginary = 5
-phase_sense = "lead"
-
-[test.level]
-column = 4
-
-[identify]
-background = "curved"
-""")
+lead = {"phase_sense": "lead"}
+write_small(Path(), "held", MEASURED | {
+    "element": [{"name": "spring", "law": "septic-spring"}, {"name": "damper", "force": "c*v"}],
+    "test.file": "held.flt", "test.format": "flt", "test.control": "response", "test.humidity": 0.4,
+    "test.frequency": {"column": 1}, "test.force": {"real": 2, "imaginary": 3, **lead},
+    "test.response": {"quantity": "displacement", "real": 4, "imaginary": 5, **lead},
+    "test.level": {"column": 4}, "identify": {"background": "curved"},
+})
 case = rs.load_case("held.toml")
 surface = rs.read("held.toml")
 found = rs.identify(surface, case.model)
@@ -82,7 +58,7 @@ print(json.dumps({
     "drawn": drawing.alternative,
     "bytes": len(drawing.render("svg")),
 }))
-'''
+"""
 
 
 def follow(block: str, root: Path) -> None:
