@@ -144,7 +144,7 @@ def _stopped(harmonics: int) -> ResponseSurface:
     """A stop on one side: the gap is a fifteenth of the largest displacement."""
     values = {"k": 4.1e4, "kg": 2.6e4, "b": 3e-4, "c": 3.2, "cq": 14.0}
     law, grid = "k*x + kg*Max(x - b, 0) + c*v + cq*v*abs(v)", np.linspace(20, 29, 37)
-    return virtual(law, values, [1, 3, 6, 10], grid, 1.85, harmonics=harmonics, seed=0)
+    return virtual(law, values, [1, 3, 6, 10], grid, 1.85, harmonics=harmonics)
 
 
 @pytest.mark.slow
@@ -738,8 +738,8 @@ def test_what_predicts_levels_comes_before_what_fits_them() -> None:
 
 def test_fits_that_did_not_converge_are_marked_in_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
     # four times the largest displacement is the limit of xs; softening by a third power has none
-    (lost,) = rank(measured("cubic"), named("tanh-joint"))
-    assert not lost.converged
+    alone = rank(measured("cubic"), named("tanh-joint"))
+    assert [one.name for one in alone if not one.converged] == ["tanh-joint"]
     monkeypatch.setattr("rsgen.identification.ranking.candidate_fit.NEAR_STEPS", 1)
     ranking = rank(
         measured("cubic"), named("cubic-spring", "tanh-joint", "odd-power-spring", "quintic-spring")
@@ -777,7 +777,7 @@ def test_a_law_that_loses_other_points_of_fundamentals_is_not_judged_by_these_al
     law = "k*x + c*v + kb*Max(x, 0) + Ff*sign(v)"
     values = {"k": 1.31e5, "kb": 9.6e4, "c": 54.0, "Ff": 1.76}
     frequency = np.concatenate([np.arange(10, 24, 0.25), np.arange(24, 34, 0.5)])
-    table = virtual(law, values, [3, 5, 10, 15, 25, 40], frequency, 5.25, noise_relative=0.012, seed=0)
+    table = virtual(law, values, [3, 5, 10, 15, 25, 40], frequency, 5.25, noise_relative=0.012)
     some = named("bilinear-spring", "coulomb", "tanh-friction")
     rivals = some if library else ["k*x + c*v + Ff*sign(v)", law]
     ranking = rank(fundamentals(table), rivals, mass=5.25)
