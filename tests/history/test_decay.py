@@ -57,8 +57,10 @@ def integrated(force: Any, mass: float, start: float, duration: float, rate: flo
 
 
 @cache
-def decay(name: str) -> np.ndarray:
-    return integrated(lambda x, v: STIFFNESS * x + LAWS[name][0](x, v), MASS, 0.012, 15)[0]
+def decay(name: str, quantity: str = "displacement", duration: float = 15) -> np.ndarray:
+    n = LAWS[name][0]
+    x, v = integrated(lambda x, v: STIFFNESS * x + n(x, v), MASS, 0.012, duration)
+    return {"displacement": x, "velocity": v, "acceleration": -(STIFFNESS * x + n(x, v)) / MASS}[quantity]
 
 
 @pytest.mark.slow
