@@ -11,9 +11,9 @@ which computes these ids anew and writes the reason beside each.
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import hypot, inf, isfinite
+from math import hypot, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -100,57 +100,40 @@ def _rounded(tree: Tree) -> Tree:
     raise TypeError(f"a pin holds numbers and texts, no {type(tree).__name__}")
 
 
-@dataclass(frozen=True)
-class Change:
-    """One place of a tree where old and new differ, and how many times more than is allowed."""
-
-    path: str
-    old: Tree
-    new: Tree
-    times: float
-
-    def __str__(self) -> str:
-        return f"{self.path}: {self.old} -> {self.new}"
-
-
-def changes(old: Tree, new: Tree, allowed: Allowed = SMOOTH) -> list[str]:
-    return [str(change) for change in differences(old, new, allowed) if change.times > 1]
-
-
-def differences(old: Tree, new: Tree, allowed: Allowed, path: str = "") -> Iterator[Change]:
+def changes(old: Tree, new: Tree, allowed: Allowed = SMOOTH, path: str = "") -> list[str]:
+    """Return every place where two trees differ by more than is allowed, with old and new number."""
     if isinstance(old, dict) and isinstance(new, dict):
-        for key in sorted(set(old) ^ set(new)):
-            yield Change(f"{path}/{key}", old.get(key, "nothing"), new.get(key, "nothing"), inf)
+        found = [
+            said
+            for key in sorted(set(old) ^ set(new))
+            for said in _moved(f"{path}/{key}", old.get(key, "nothing"), new.get(key, "nothing"))
+        ]
         for key in (key for key in old if key in new):
             inner = f"{path}/{key}"
-            if _is_number(old[key]) and _is_number(new[key]):
-                yield from _moved(inner, old[key], new[key], _room(old, key, allowed))
-            elif key == "at" and "rms" in old:
-                share = allowed.error if path.endswith("_error") else allowed.value
+            if key == "at" and "rms" in old:
+                room = (allowed.error if path.endswith("_error") else allowed.value) * _scale(old)
                 for index, entry in old[key].items():
-                    yield from _moved(f"{inner}/{index}", entry, new[key].get(index), share * _scale(old))
+                    found += _moved(f"{inner}/{index}", entry, new[key].get(index), room)
+            elif _is_number(old[key]):
+                found += _moved(inner, old[key], new[key], _room(old, key, allowed))
             else:
-                yield from differences(old[key], new[key], allowed, inner)
-    elif isinstance(old, list) and isinstance(new, list) and not _is_number(old):
-        yield from _lists(old, new, allowed, path)
-    elif _is_number(old) and _is_number(new):
-        yield from _moved(path, old, new, allowed.value * _size(old))
-    elif old != new or type(old) is not type(new):
-        yield Change(path, old, new, inf)
-
-
-def _lists(old: list[Tree], new: list[Tree], allowed: Allowed, path: str) -> Iterator[Change]:
+                found += changes(old[key], new[key], allowed, inner)
+        return found
+    if _is_number(old) or not (isinstance(old, list) and isinstance(new, list)):
+        return _moved(path, old, new, allowed.value * _size(old) if _is_number(old) else 0.0)
     if all(isinstance(one, str) for one in (*old, *new)):
-        for name in sorted(set(old) ^ set(new)):
-            gone = name in old
-            yield Change(path, name if gone else "nothing", "nothing" if gone else name, inf)
-        if sorted(old) == sorted(new) and old != new:
-            yield Change(path, old, new, inf)
-    elif len(old) != len(new):
-        yield Change(path, f"{len(old)} entries", f"{len(new)} entries", inf)
-    else:
-        for i, (one, other) in enumerate(zip(old, new, strict=True)):
-            yield from differences(one, other, allowed, f"{path}[{i}]")
+        gone, come = sorted(set(old) - set(new)), sorted(set(new) - set(old))
+        found = [f"{path}: {name} -> nothing" for name in gone] + [
+            f"{path}: nothing -> {name}" for name in come
+        ]
+        return found or _moved(path, old, new)
+    if len(old) != len(new):
+        return [f"{path}: {len(old)} entries -> {len(new)} entries"]
+    return [
+        said
+        for i, (one, other) in enumerate(zip(old, new, strict=True))
+        for said in changes(one, other, allowed, f"{path}[{i}]")
+    ]
 
 
 def _is_number(tree: Tree) -> bool:
@@ -185,17 +168,14 @@ def _room(siblings: dict[str, Tree], key: str, allowed: Allowed) -> float:
     return max(allowed.value * size, allowed.of_standard_error * error)
 
 
-def _moved(path: str, old: Tree, new: Tree, room: float) -> Iterator[Change]:
+def _moved(path: str, old: Tree, new: Tree, room: float = 0.0) -> list[str]:
+    said = [f"{path}: {old} -> {new}"]
     if not (_is_number(old) and _is_number(new)) or isinstance(old, list) != isinstance(new, list):
-        if old != new:
-            yield Change(path, old, new, inf)
-        return
+        return said if old != new or type(old) is not type(new) else []
     apart = hypot(old[0] - new[0], old[1] - new[1]) if isinstance(old, list) else abs(new - old)
     # the last digit that is kept may turn
     apart -= 10.0 ** (1 - DIGITS) * _size(old)
-    room = max(room, SMALLEST)
-    if apart > 0:
-        yield Change(path, old, new, apart / room)
+    return said if apart > max(room, SMALLEST) else []
 
 
 def is_empty(tree: Tree) -> bool:
@@ -209,15 +189,6 @@ def is_empty(tree: Tree) -> bool:
 
 def read(file: Path) -> dict[str, Tree]:
     return dict(json.loads(file.read_text(encoding="utf-8")))
-
-
-def write(file: Path, pins: Mapping[str, Tree]) -> None:
-    lines = [f"{json.dumps(key)}: {_compact(pin)}" for key, pin in pins.items()]
-    file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
-
-
-def _compact(pin: Tree) -> str:
-    return json.dumps(pin, allow_nan=False, separators=(",", ":"))
 
 
 def numbers_file(module: str) -> Path:
@@ -235,4 +206,9 @@ def renew(pins: Mapping[str, Pin], module: str, about: str | None) -> None:
     for key in arguments.ids:
         reason = {"renewed": arguments.renew} if key in known else {}
         known[key] = {**pins[key].numbers(), **reason}
-    write(file, {key: known[key] for key in pins if key in known})
+    lines = [
+        f"{json.dumps(key)}: {json.dumps(known[key], allow_nan=False, separators=(',', ':'))}"
+        for key in pins
+        if key in known
+    ]
+    file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
