@@ -6,14 +6,7 @@ from functools import cache
 import numpy as np
 
 import rsgen
-from rsgen.data.history import (
-    SweepLaw,
-    TimeHistory,
-    follow_decay,
-    from_free_decay,
-    from_stepped_sine,
-    from_swept_sine,
-)
+from rsgen.data.history import SweepLaw, TimeHistory, from_free_decay, from_stepped_sine, from_swept_sine
 from tests.history.test_decay import MASS, RATE, STIFFNESS, decay
 from tests.history.test_stepped_sine import stepped
 from tests.history.test_swept_sine import spoilt
@@ -24,7 +17,8 @@ from tests.pins.trees import series
 
 UP, DOWN = SweepLaw("linear", 9.0, 0.05), SweepLaw("linear", 11.0, -0.05)
 OCTAVES = SweepLaw("logarithmic", 9.0, 0.008)
-CUBIC = rsgen.Oscillator(MASS, "k*x + kn*x**3 + c*v", {"k": STIFFNESS, "kn": -2e6, "c": 3.8})
+LAW = "k*x + kn*x**3 + c*v"
+CUBIC = rsgen.Oscillator(MASS, LAW, {"k": STIFFNESS, "kn": -2e6, "c": 3.8})
 
 
 INTEGRATED = replace(SMOOTH, value=1e-8)
@@ -55,8 +49,7 @@ def _acceleration() -> TimeHistory:
 
 def _identified_sweeps() -> Tree:
     records = [noisy(swept(UP, 11.0, level)) for level in (0.5, 1.0)]
-    table = from_swept_sine(records, points=30, harmonics=3)
-    return trees.identification(rsgen.identify(table, "k*x + kn*x**3 + c*v"))
+    return trees.fitted(from_swept_sine(records, points=30, harmonics=3), LAW)
 
 
 @cache
@@ -79,7 +72,7 @@ def _tap(name: str, quantity: str = "displacement", noise: float = 0.0) -> TimeH
 
 
 def _followed(name: str, quantity: str, noise: float, mass: float | None = MASS) -> Tree:
-    found = follow_decay(_tap(name, quantity, noise), mass=mass)
+    found = rsgen.history.follow_decay(_tap(name, quantity, noise), mass=mass)
     # errors come from the scatter of neighbours, which is round-off where there is no noise
     errors = {"stiffness_error": found.stiffness_error, "damping_error": found.damping_error}
     return {
@@ -110,9 +103,7 @@ PINS = {
     "stepped/frequencies": Pin(lambda: trees.surface(from_stepped_sine(_steps()))),
     "stepped/too-short": Pin(lambda: trees.surface(from_stepped_sine(_steps(3.0)))),
     "stepped/levels": Pin(_levels),
-    "stepped/identified": Pin(
-        lambda: trees.identification(rsgen.identify(from_stepped_sine(_steps()), "k*x + c*v"))
-    ),
+    "stepped/identified": Pin(lambda: trees.fitted(from_stepped_sine(_steps()), "k*x + c*v")),
     "decay/linear": Pin(lambda: _followed("linear", "displacement", 0.0), INTEGRATED),
     "decay/cubic": Pin(lambda: _followed("cubic", "displacement", 0.0), INTEGRATED),
     "decay/drag": Pin(lambda: _followed("drag", "displacement", 0.0), INTEGRATED),
@@ -120,9 +111,7 @@ PINS = {
     "decay/acceleration": Pin(lambda: _followed("cubic", "acceleration", 1e-3), INTEGRATED),
     "decay/without-mass": Pin(lambda: _followed("drag", "velocity", 1e-3, None), INTEGRATED),
     "decay/surface": Pin(lambda: trees.surface(_decay_surface()), INTEGRATED),
-    "decay/identified": Pin(
-        lambda: trees.identification(rsgen.identify(_decay_surface(), "k*x + kn*x**3 + c*v", mass=MASS))
-    ),
+    "decay/identified": Pin(lambda: trees.fitted(_decay_surface(), LAW, mass=MASS)),
 }  # fmt: skip
 
 if __name__ == "__main__":

@@ -1,10 +1,9 @@
-"""Joints with pinned numbers: steady states, loops, identification.
+"""Joints with pinned numbers: steady states, loops, identification."""
 
-Jenkins, Iwan, Segalman's four-parameter Iwan, Bouc-Wen and Dahl; each beside a linear spring and damper.
-"""
-
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +21,6 @@ from tests.pins.trees import series
 
 SIZES = np.array([5e-4, 2e-3, 8e-3])
 """Amplitudes [m] from sticking to sliding."""
-
-OMEGA = 60.0
-
-
 STEPPED = replace(SWITCHED, value=1e-6)
 """Loops of states are closed over whole periods in steps, without locating where v changes its sign."""
 
@@ -57,7 +52,7 @@ def loops(name: str) -> Tree:
     values = JOINTS[name][2]
     harmonics = np.zeros((3, 4), dtype=complex)
     harmonics[:, 1], harmonics[:, 3] = SIZES, 0.05j * SIZES
-    motion = Motion(np.full(3, OMEGA), harmonics)
+    motion = Motion(np.full(3, 60.0), harmonics)
     sample = law.along(motion, law.ordered(values), SAMPLES)
     return {
         "force": series(sample.force, entries=6),
@@ -97,29 +92,29 @@ def _held_out() -> Tree:
 
 def _background() -> Tree:
     seen = rsgen.Observation(background="constant")
-    return trees.identification(rsgen.identify(small_joint("jenkins", NOISE), joint_law("jenkins"), seen))
+    return trees.fitted(small_joint("jenkins", NOISE), joint_law("jenkins"), seen)
+
+
+def pin(compute: Callable[..., Tree], name: str, *about: Any) -> Pin:
+    """Return the pin of a joint; identifications of some take long."""
+    thorough = name in ("bouc-wen", "iwan4") and compute in (identified, measured)
+    slow = compute is balance and name == "bouc-wen"
+    allowed = STEPPED if compute in (balance, loops) else SWITCHED
+    return Pin(partial(compute, name, *about), allowed, slow=slow, thorough=thorough)
 
 
 PINS = {
-    **{f"steady/{name}": Pin(partial(steady, name), SWITCHED) for name in JOINTS},
-    **{
-        f"steady/{name}-from-state": Pin(partial(steady, name, start=True), SWITCHED)
-        for name in ("jenkins", "bouc-wen")
-    },
-    **{f"balance/{name}": Pin(partial(balance, name), STEPPED) for name in ("jenkins", "bouc-wen")},
-    **{f"loops/{name}": Pin(partial(loops, name), STEPPED) for name in JOINTS},
+    **{f"steady/{name}": pin(steady, name) for name in JOINTS},
+    **{f"steady/{name}-from-state": pin(steady, name, True) for name in ("jenkins", "bouc-wen")},
+    **{f"balance/{name}": pin(balance, name) for name in ("jenkins", "bouc-wen")},
+    **{f"loops/{name}": pin(loops, name) for name in JOINTS},
     "surface/jenkins": Pin(lambda: trees.surface(small_joint("jenkins")), SWITCHED),
-    **{f"measured/{name}": Pin(partial(measured, name), SWITCHED) for name in ("jenkins", "iwan4")},
-    **{f"identified/{name}": Pin(partial(identified, name), SWITCHED) for name in JOINTS},
-    "identified/jenkins-given-mass": Pin(lambda: identified("jenkins", mass=JOINT_MASS), SWITCHED),
-    "identified/jenkins-background": Pin(_background, SWITCHED),
-    "predicted/jenkins-held-out": Pin(_held_out, SWITCHED),
+    **{f"measured/{name}": pin(measured, name) for name in ("jenkins", "iwan4")},
+    **{f"identified/{name}": pin(identified, name) for name in JOINTS},
+    "identified/jenkins-given-mass": pin(identified, "jenkins", NOISE, JOINT_MASS),
+    "identified/jenkins-background": Pin(_background, SWITCHED, slow=True),
+    "predicted/jenkins-held-out": Pin(_held_out, SWITCHED, slow=True),
 }
-
-for thorough in ("identified/bouc-wen", "identified/iwan4", "measured/iwan4"):
-    PINS[thorough] = replace(PINS[thorough], thorough=True)
-for slow in ("identified/jenkins-background", "predicted/jenkins-held-out", "balance/bouc-wen"):
-    PINS[slow] = replace(PINS[slow], slow=True)
 
 if __name__ == "__main__":
     pinned.renew(PINS, __file__, __doc__)

@@ -1,7 +1,6 @@
 """Multisine tests with pinned numbers: spectra, best linear approximation, identification, prediction."""
 
-from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -86,8 +85,7 @@ def identified(
 
 def intervals(read: rsgen.MultisineSpectra, law: object, mass: float | None = None) -> Tree:
     """Values with both ends of their intervals and their units."""
-    found = rsgen.identify(read, law, mass=mass)  # type: ignore[arg-type]
-    return trees.estimates(found, whole=True)
+    return trees.estimates(rsgen.identify(read, law, mass=mass), whole=True)  # type: ignore[arg-type]
 
 
 def predicted(read: rsgen.MultisineSpectra, law: str, held: float) -> Tree:
@@ -123,10 +121,6 @@ def _record(quantity: str) -> rsgen.MultisineSpectra:
     return rsgen.history.from_multisine(histories(8, decay, quantity))
 
 
-def recorded(quantity: str) -> Tree:
-    return tree_of_spectra(_record(quantity))
-
-
 def _realisations() -> rsgen.MultisineSpectra:
     return simulated("cubic", (4.0, 8.0), periods=2, realisations=2, noise_relative=NOISE, seed=7)
 
@@ -139,11 +133,11 @@ PINS = {
     "spectra/virtual-cubic": Pin(lambda: tree_of_spectra(virtual("cubic"))),
     "spectra/virtual-noisy": Pin(lambda: tree_of_spectra(virtual("cubic", NOISE))),
     "spectra/virtual-realisations": Pin(lambda: tree_of_spectra(_realisations())),
-    "spectra/virtual-friction": Pin(lambda: tree_of_spectra(virtual("friction")), SWITCHED),
-    "spectra/virtual-corner": Pin(lambda: tree_of_spectra(virtual("corner")), SWITCHED),
-    "spectra/virtual-jenkins": Pin(lambda: tree_of_spectra(_joint()), SWITCHED),
+    "spectra/virtual-friction": Pin(lambda: tree_of_spectra(virtual("friction")), SWITCHED, slow=True),
+    "spectra/virtual-corner": Pin(lambda: tree_of_spectra(virtual("corner")), SWITCHED, slow=True),
+    "spectra/virtual-jenkins": Pin(lambda: tree_of_spectra(_joint()), SWITCHED, slow=True),
     **{
-        f"spectra/record-{quantity}": Pin(partial(recorded, quantity))
+        f"spectra/record-{quantity}": Pin(lambda quantity=quantity: tree_of_spectra(_record(quantity)))
         for quantity in ("displacement", "velocity", "acceleration")
     },
     "linear/exact": Pin(lambda: linear(virtual("cubic"))),
@@ -151,7 +145,7 @@ PINS = {
     "linear/all-lines": Pin(lambda: linear(virtual("cubic", NOISE, "all"))),
     "linear/band": Pin(lambda: linear(virtual("cubic", NOISE), (5.0, 15.0))),
     "linear/realisations": Pin(lambda: linear(_realisations())),
-    "linear/friction": Pin(lambda: linear(virtual("friction", NOISE)), SWITCHED),
+    "linear/friction": Pin(lambda: linear(virtual("friction", NOISE)), SWITCHED, slow=True),
     "identified/made": Pin(lambda: identified(made(0.0, 1), LAW)),
     "identified/made-noisy": Pin(lambda: identified(made(NOISE, 4), LAW)),
     "identified/given-mass": Pin(lambda: identified(made(NOISE, 4), LAW, mass=1.5)),
@@ -162,8 +156,8 @@ PINS = {
     "identified/mean-unknown": Pin(lambda: identified(_blind(), CUBIC)),
     "identified/record-acceleration": Pin(lambda: identified(_record("acceleration"), "k*x + c*v")),
     "identified/friction": Pin(lambda: identified(virtual("friction", NOISE), FRICTION), SWITCHED),
-    "identified/corner": Pin(lambda: identified(virtual("corner", NOISE), CORNER), SWITCHED),
-    "identified/jenkins": Pin(lambda: identified(_joint(), joint_law("jenkins")), SWITCHED),
+    "identified/corner": Pin(lambda: identified(virtual("corner", NOISE), CORNER), SWITCHED, slow=True),
+    "identified/jenkins": Pin(lambda: identified(_joint(), joint_law("jenkins")), SWITCHED, slow=True),
     "identified/background": Pin(
         lambda: identified(made(NOISE, 4), LAW, rsgen.Observation(background="constant"))
     ),
@@ -175,16 +169,6 @@ PINS = {
     "predicted/friction": Pin(lambda: predicted(virtual("friction", NOISE), FRICTION, 5.0), SWITCHED),
     "predicted/made": Pin(lambda: predicted(made(NOISE, 4), LAW, float(made(NOISE, 4).level[1]))),
 }
-
-for slow in (
-    "spectra/virtual-friction",
-    "spectra/virtual-corner",
-    "spectra/virtual-jenkins",
-    "linear/friction",
-    "identified/jenkins",
-    "identified/corner",
-):
-    PINS[slow] = replace(PINS[slow], slow=True)
 
 if __name__ == "__main__":
     pinned.renew(PINS, __file__, __doc__)

@@ -1,11 +1,8 @@
-"""Identifications with pinned numbers for everything that may be declared or missing about a test.
-
-Every kind of background, amplitudes without phases, repeated readings, held-out levels, a band, a drive
-without a scale, harmonics of the force, laws that are not odd, a motion across two sensors.
-"""
+"""Identifications with pinned numbers for everything that may be declared or missing about a test."""
 
 from dataclasses import replace
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -51,10 +48,14 @@ def beside(kind: str, law: str = "cubic", noise: float = NOISE) -> ResponseSurfa
     return noisy(changed(table, harmonics=harmonics, force=force, force_harmonics=None), noise, 1)
 
 
+def of(law: str, table: ResponseSurface, **declared: Any) -> Tree:
+    """A law of ``tests.surfaces`` from a table of which something is declared."""
+    return trees.fitted(table, LAWS[law][0], rsgen.Observation(**declared))
+
+
 def of_kind(kind: str, law: str = "cubic", noise: float = NOISE) -> Tree:
     """The law identified beside a background."""
-    about = rsgen.Observation(background=kind)  # type: ignore[arg-type]
-    return trees.identification(rsgen.identify(beside(kind, law, noise), LAWS[law][0], about))
+    return of(law, beside(kind, law, noise), background=kind)
 
 
 def whole(law: str, mass: float | None = None) -> Tree:
@@ -66,18 +67,7 @@ def whole(law: str, mass: float | None = None) -> Tree:
 
 def without_phase(law: str, kind: str = "none") -> Tree:
     """The law identified from amplitudes of force and response."""
-    about = rsgen.Observation(background=kind)  # type: ignore[arg-type]
-    return trees.identification(
-        rsgen.identify(surfaces.without_phase(beside(kind, law)), LAWS[law][0], about)
-    )
-
-
-def _about(about: rsgen.Observation) -> Tree:
-    return trees.identification(rsgen.identify(small("cubic", NOISE), LAWS["cubic"][0], about))
-
-
-def _repeats(law: str) -> Tree:
-    return trees.identification(rsgen.identify(repeated(small(law), 3), LAWS[law][0]))
+    return of(law, surfaces.without_phase(beside(kind, law)), background=kind)
 
 
 def _force_harmonics() -> Tree:
@@ -87,8 +77,7 @@ def _force_harmonics() -> Tree:
     force[:, 1], force[:, 3] = table.force, 0.02j * table.force
     harmonics = np.array(table.harmonics)
     harmonics[:, 3] += force[:, 3] / (5920.0 - 9 * MASS * table.omega**2)
-    seen = ResponseSurface(table.level, table.frequency, force, harmonics, sweep="rest")
-    return trees.identification(rsgen.identify(seen, LAWS["cubic"][0]))
+    return of("cubic", ResponseSurface(table.level, table.frequency, force, harmonics, sweep="rest"))
 
 
 def _unsettled() -> Tree:
@@ -99,22 +88,17 @@ def _unsettled() -> Tree:
     harmonics[11, 1] = np.nan
     outcome[11] = 5
     harmonics[25] *= 1.5
-    seen = changed(table, harmonics=harmonics, outcome=outcome)
-    return trees.identification(rsgen.identify(seen, LAWS["cubic"][0]))
+    return of("cubic", changed(table, harmonics=harmonics, outcome=outcome))
 
 
 def _across(table: ResponseSurface, *about: rsgen.Observation) -> Tree:
-    return trees.identification(rsgen.identify(table, seen_by(GAUGE, *ELEMENTS), *about))
+    return trees.fitted(table, seen_by(GAUGE, *ELEMENTS), *about)
 
 
 def _fundamental_only() -> Tree:
     table = small("cubic", NOISE)
-    seen = ResponseSurface(table.level, table.frequency, table.force, table.harmonics[:, 1], sweep="rest")
-    return trees.identification(rsgen.identify(seen, LAWS["cubic"][0]))
-
-
-def _confounded() -> Tree:
-    return trees.identification(rsgen.identify(small("cubic", NOISE), "ka*x + kb*x + kn*x**3 + c*v"))
+    fundamental = table.harmonics[:, 1]
+    return of("cubic", ResponseSurface(table.level, table.frequency, table.force, fundamental, sweep="rest"))
 
 
 FLAT = replace(pinned.SMOOTH, of_standard_error=1e-4, error=1e-3)
@@ -137,19 +121,20 @@ PINS = {
     "background/phase-coulomb": Pin(lambda: of_kind("phase", "coulomb"), SWITCHED),
     "background/residuals-coulomb": Pin(lambda: of_kind("residuals", "coulomb"), SWITCHED),
     **{f"law/{law}": Pin(partial(whole, law), _allowed(law), slow=law == "two-gaps") for law in LAWS},
-    "law/cubic-given-mass": Pin(lambda: whole("cubic", MASS)), "law/confounded": Pin(_confounded),
+    "law/cubic-given-mass": Pin(lambda: whole("cubic", MASS)),
+    "law/confounded": Pin(lambda: trees.fitted(small("cubic", NOISE), "ka*x + kb*x + kn*x**3 + c*v")),
     "amplitudes/cubic": Pin(lambda: without_phase("cubic")),
     "amplitudes/combined": Pin(lambda: without_phase("combined")),
     "amplitudes/constant": Pin(lambda: without_phase("cubic", "constant")),
     "amplitudes/constant+offset": Pin(lambda: without_phase("cubic", f"constant{OFFSET}")),
     "amplitudes/coulomb": Pin(lambda: without_phase("coulomb"), SWITCHED),
-    "readings/repeats": Pin(lambda: _repeats("cubic")),
-    "readings/repeats-coulomb": Pin(lambda: _repeats("coulomb"), SWITCHED),
+    "readings/repeats": Pin(lambda: of("cubic", repeated(small("cubic"), 3))),
+    "readings/repeats-coulomb": Pin(lambda: of("coulomb", repeated(small("coulomb"), 3)), SWITCHED),
     "readings/unsettled": Pin(_unsettled), "readings/fundamental-only": Pin(_fundamental_only),
     "readings/force-harmonics": Pin(_force_harmonics),
-    "declared/hold-out": Pin(lambda: _about(rsgen.Observation(hold_out=(6.0,)))),
-    "declared/band": Pin(lambda: _about(rsgen.Observation(band=(9.0, 11.0)))),
-    "declared/uncalibrated": Pin(lambda: _about(rsgen.Observation(calibrated=False))),
+    "declared/hold-out": Pin(lambda: of("cubic", small("cubic", NOISE), hold_out=(6.0,))),
+    "declared/band": Pin(lambda: of("cubic", small("cubic", NOISE), band=(9.0, 11.0))),
+    "declared/uncalibrated": Pin(lambda: of("cubic", small("cubic", NOISE), calibrated=False)),
     "two-sensors/exact": Pin(lambda: _across(two_masses())),
     "two-sensors/noisy": Pin(lambda: _across(two_masses(noise=0.003))),
     "two-sensors/hold-out": Pin(lambda: _across(two_masses(noise=0.003), rsgen.Observation(hold_out=(3.0,)))),

@@ -106,6 +106,11 @@ def identification(found: rsgen.Identification) -> Tree:
     }  # fmt: skip
 
 
+def fitted(table: Any, law: Any, *about: rsgen.Observation, mass: float | None = None) -> Tree:
+    """What is identified of a law from a test."""
+    return identification(rsgen.identify(table, law, *about, mass=mass))
+
+
 def whole_identification(found: rsgen.Identification) -> Tree:
     """All parts of an identification, with resonances, equivalent curves and forces without a law."""
     tree = identification(found) | {
