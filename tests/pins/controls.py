@@ -1,8 +1,4 @@
-"""Controlled tests with pinned numbers: what each mode of a virtual test records, and what follows from it.
-
-Force control from rest, up and down; held amplitude; phase-locked loop; continuation; driven base; modal
-tables, which need no law.
-"""
+"""Controlled tests with pinned numbers: what each mode records, and what follows from it."""
 
 from functools import cache, partial
 from typing import Any
@@ -50,18 +46,12 @@ def simulated(mode: str, law: str = "hardening") -> ResponseSurface:
     return rsgen.simulate(rsgen.Oscillator(MASS, force, values), test)
 
 
-def recorded(mode: str, law: str = "hardening") -> Tree:
-    return trees.surface(simulated(mode, law))
-
-
 def identified(mode: str, mass: float | None = None, law: str = "hardening") -> Tree:
     """The law identified from one per cent of noise on that test."""
     force = LAW if law == "hardening" else LAWS[law][0]
     found = rsgen.identify(noisy(simulated(mode, law), NOISE, 1), force, mass=mass)
-    return trees.identification(found) | {
-        "levels": series(found.levels, entries=1),
-        "level_unit": found.curve.level_unit,
-    }
+    levels = {"levels": series(found.levels, entries=1), "level_unit": found.curve.level_unit}
+    return trees.identification(found) | levels
 
 
 def tree_of_table(table: rsgen.ModalTable) -> Tree:
@@ -81,15 +71,17 @@ def tree_of_table(table: rsgen.ModalTable) -> Tree:
     }  # fmt: skip
 
 
-def modal(table: ResponseSurface, background: str | None = None, mass: float | None = None) -> Tree:
-    about = None if background is None else rsgen.Observation(background=background)  # type: ignore[arg-type]
-    return tree_of_table(rsgen.modal_table(noisy(table, NOISE, 1), about, mass=mass))
+def modal(table: ResponseSurface, mass: float | None = None, **declared: Any) -> Tree:
+    found = rsgen.modal_table(noisy(table, NOISE, 1), rsgen.Observation(**declared), mass=mass)
+    return tree_of_table(found)
 
 
 PINS = {
-    **{f"simulated/{mode}": Pin(partial(recorded, mode)) for mode in MODES},
+    **{f"simulated/{mode}": Pin(lambda mode=mode: trees.surface(simulated(mode))) for mode in MODES},
     **{
-        f"simulated/{mode}-{law}": Pin(partial(recorded, mode, law), SWITCHED)
+        f"simulated/{mode}-{law}": Pin(
+            lambda mode=mode, law=law: trees.surface(simulated(mode, law)), SWITCHED
+        )
         for mode in SWITCHED_MODES
         for law in (("coulomb", "bilinear") if mode in ("rest", "response") else ("coulomb",))
     },
@@ -107,8 +99,8 @@ PINS = {
     "modal/forced": Pin(lambda: modal(small("cubic"))),
     "modal/first-order": Pin(lambda: tree_of_table(rsgen.modal_table(cubic_surface(4, 31)))),
     "modal/given-mass": Pin(lambda: modal(small("combined"), mass=MASS)),
-    "modal/constant-background": Pin(lambda: modal(small("cubic"), "constant")),
-    "modal/residuals": Pin(lambda: modal(small("cubic"), "residuals")),
+    "modal/constant-background": Pin(lambda: modal(small("cubic"), background="constant")),
+    "modal/residuals": Pin(lambda: modal(small("cubic"), background="residuals")),
     "modal/beyond": Pin(
         lambda: tree_of_table(rsgen.modal_table(noisy(small("cubic"), NOISE, 1)).at([1e-4, 5e-3, 0.1]))
     ),

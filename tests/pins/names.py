@@ -15,27 +15,18 @@ import h5py
 import numpy as np
 
 import rsgen
-from rsgen.analysis.comparison import Row
-from rsgen.analysis.fit_comparison import FitComparison, FitRow
-from rsgen.common.finding import Quantity, Verdict
-from rsgen.data.multisine.linear import BestLinear, Distortion
+from rsgen.analysis import comparison, fit_comparison
+from rsgen.common import finding
+from rsgen.data import history
+from rsgen.data.multisine import linear
 from rsgen.data.oscillator import Model
-from rsgen.describing.function import DescribingFunction, Equivalent
+from rsgen.describing import function
 from rsgen.dynamics.settling import SteadyStates
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import MeasuredTest
-from rsgen.identification.modal_result import MODAL_COLUMNS, ModalTest
-from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
-from rsgen.identification.prediction.prediction_result import PredictedRecord
+from rsgen.identification import modal_result, results
+from rsgen.identification.prediction import prediction_result as predicted
 from rsgen.identification.ranking.ranking_result import Candidate
-from rsgen.identification.results import (
-    Background,
-    EquivalentCurve,
-    Estimate,
-    MultisineIdentification,
-    Resonance,
-    RestoringForce,
-)
 from rsgen.law.element import Element
 from tests.conftest import FEW
 from tests.identification.test_across import two_masses
@@ -49,14 +40,15 @@ from tests.surfaces import changed, noisy
 ROOT = Path(__file__).parents[2]
 
 CLASSES: tuple[type, ...] = (
-    rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, MultisineIdentification,
-    Estimate, Resonance, EquivalentCurve, RestoringForce, Background, BestLinear, Distortion,
-    rsgen.Ranking, Candidate, rsgen.ModalTable, ModalTest, rsgen.Prediction, ResonanceCurve, HeldOutLevel,
-    PredictedRecord, SteadyStates, DescribingFunction, Equivalent,
-    rsgen.Comparison, Row, FitComparison, FitRow, Verdict, rsgen.Finding, Quantity, rsgen.Observation,
+    rsgen.ResponseSurface, rsgen.MultisineSpectra, rsgen.Identification, results.MultisineIdentification,
+    results.Estimate, results.Resonance, results.EquivalentCurve, results.RestoringForce, results.Background,
+    linear.BestLinear, linear.Distortion, rsgen.Ranking, Candidate, rsgen.ModalTable, modal_result.ModalTest,
+    rsgen.Prediction, predicted.ResonanceCurve, predicted.HeldOutLevel, predicted.PredictedRecord,
+    SteadyStates, function.DescribingFunction, function.Equivalent,
+    rsgen.Comparison, comparison.Row, fit_comparison.FitComparison,
+    fit_comparison.FitRow, finding.Verdict, rsgen.Finding, finding.Quantity, rsgen.Observation,
     rsgen.Oscillator, Model, rsgen.Law, Element, rsgen.SimulatedTest, rsgen.MultisineTest, rsgen.Case,
-    rsgen.SweepTest, rsgen.DecayTest,
-    rsgen.data.history.FreeDecay, rsgen.data.history.SweepLaw, rsgen.data.history.TimeHistory,
+    rsgen.SweepTest, rsgen.DecayTest, history.FreeDecay, history.SweepLaw, history.TimeHistory,
 )  # fmt: skip
 
 
@@ -66,7 +58,7 @@ def attributes(kind: type) -> Tree:
     if is_dataclass(kind):
         names |= {each.name for each in fields(kind) if not each.name.startswith("_")}
     if kind is rsgen.ModalTable:
-        names |= {f"{name}{end}" for name in MODAL_COLUMNS for end in ("", "_lower", "_upper")}
+        names |= {f"{name}{end}" for name in modal_result.MODAL_COLUMNS for end in ("", "_lower", "_upper")}
     return {"names": sorted(names)}
 
 

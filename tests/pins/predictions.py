@@ -1,12 +1,14 @@
 """Predictions with pinned numbers: curves and held-out levels."""
 
+from typing import Any
+
 import numpy as np
 
 import rsgen
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
 from tests.identification.test_across import ELEMENTS, GAUGE, seen_by, two_masses
 from tests.pins import pinned, trees
-from tests.pins.controls import simulated
+from tests.pins.controls import LAW, simulated
 from tests.pins.grids import NOISE, small
 from tests.pins.pinned import SWITCHED, Pin, Tree
 from tests.pins.trees import series
@@ -40,9 +42,7 @@ def held_out(one: HeldOutLevel) -> Tree:
 
 def tree(prediction: rsgen.Prediction) -> Tree:
     return {
-        "curves": [curve(one) for one in (prediction.curves[0], prediction.curves[-1])]
-        if len(prediction)
-        else [],
+        "curves": [curve(prediction.curves[i]) for i in ((0, -1) if len(prediction) else ())],
         "held_out": [held_out(one) for one in prediction.held_out],
         "findings": trees.findings(prediction.findings),
     }
@@ -53,28 +53,25 @@ def of_oscillator(name: str, levels: list[float], band: tuple[float, float] | No
     return tree(rsgen.predict(rsgen.Oscillator(MASS, force, values), levels, band=band))
 
 
-def of_identified(law: str, levels: list[float] | None = None) -> Tree:
-    table = small(law, NOISE)
-    found = rsgen.identify(table, LAWS[law][0], rsgen.Observation(hold_out=(6.0,)))
+def of_test(
+    table: rsgen.ResponseSurface, law: Any, held: float, mass: float | None = None, levels: Any = None
+):
+    """What is predicted of a level that was held out, or of levels."""
+    found = rsgen.identify(table, law, rsgen.Observation(hold_out=(held,)), mass=mass)
     return tree(rsgen.predict(found, levels, table))
 
 
+def of_identified(law: str, levels: list[float] | None = None) -> Tree:
+    return of_test(small(law, NOISE), LAWS[law][0], 6.0, levels=levels)
+
+
 def of_mode(mode: str, held: float, mass: float | None = None) -> Tree:
-    table = noisy(simulated(mode), NOISE, 1)
-    about = rsgen.Observation(hold_out=(held,))
-    return tree(rsgen.predict(rsgen.identify(table, "k*x + k3*x**3 + c*v", about, mass=mass), surface=table))
+    return of_test(noisy(simulated(mode), NOISE, 1), LAW, held, mass)
 
 
 def _modal() -> Tree:
     table = small("cubic", NOISE)
-    found = rsgen.modal_table(table, rsgen.Observation(hold_out=(6.0,)))
-    return tree(rsgen.predict(found, surface=table))
-
-
-def _across() -> Tree:
-    table = two_masses(noise=0.003)
-    found = rsgen.identify(table, seen_by(GAUGE, *ELEMENTS), rsgen.Observation(hold_out=(3.0,)))
-    return tree(rsgen.predict(found, surface=table))
+    return tree(rsgen.predict(rsgen.modal_table(table, rsgen.Observation(hold_out=(6.0,))), surface=table))
 
 
 PINS = {
@@ -92,7 +89,7 @@ PINS = {
     "identified/response": Pin(lambda: of_mode("response", 6e-3)),
     "identified/base": Pin(lambda: of_mode("base-acceleration", 0.4)),
     "identified/base-given-mass": Pin(lambda: of_mode("base-acceleration", 0.4, MASS)),
-    "identified/two-sensors": Pin(_across),
+    "identified/two-sensors": Pin(lambda: of_test(two_masses(noise=0.003), seen_by(GAUGE, *ELEMENTS), 3.0)),
     "modal-table": Pin(_modal),
 }
 
