@@ -18,26 +18,15 @@ GAP = "(asin(b/X) + b/X*sqrt(1 - (b/X)**2))"
 # law, stiffness, damping (about zero mean), source, closed form expected
 TABLE = (
     ("k*x", "k", "0", LIU, True), ("c*v", "0", "c", LIU, True),
-    ("k*x + k3*x**3", "k + 3/4*k3*X**2", "0", LIU + " Eq. (14)", True),
-    ("k*x + k5*x**5", "k + 5/8*k5*X**4", "0", LIU + " Eq. (16)", True),
     ("k7*x**7", "35/64*k7*X**6", "0", GELB, True),
     ("kp*abs(x)**p*sign(x)", "2*kp*X**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))", "0", GELB, True),
     ("kp*x*abs(x)**p", "2*kp*X**p*gamma(p/2 + 3/2)/(sqrt(pi)*gamma(p/2 + 2))", "0", GELB, True),
     ("k2*x*abs(x)", "8*k2*X/(3*pi)", "0", GELB, True),
-    ("k4*x**3*abs(x)", "32*k4*X**3/(15*pi)", "0", GELB, True),
-    ("kh*abs(x)**1.5*sign(x)", "2*kh*sqrt(X)*gamma(7/4)/(sqrt(pi)*gamma(9/4))", "0", GELB, True),
     ("c*v + Ff*sign(v)", "0", "c + 4*Ff/(pi*omega*X)", LIU + " Eq. (18)", True),
-    ("c*v + cq*v*abs(v)", "0", "c + 8*cq*omega*X/(3*pi)", LIU + " Eq. (23)", True),
     ("c3*v**3", "0", "3/4*c3*omega**2*X**2", WORDEN, True),
-    ("c4*v**3*abs(v)", "0", "32*c4*omega**3*X**3/(15*pi)", LIU + " Eq. (26)", True),
     (
         "cp*abs(v)**p*sign(v)", "0", "2*cp*(omega*X)**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))",
         WORDEN, True,
-    ),
-    (
-        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-        "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**2*sqrt(X**2 - b**2)), True))", "0",
-        GELB + "; Eq. (20) corrected", True,
     ),
     (
         "k*(Max(0, x - b) + Min(0, x + b))", f"Piecewise((0, X <= b), (k - 2*k/pi*{GAP}, True))", "0", GELB,
@@ -56,7 +45,6 @@ TABLE = (
     ("k*x*abs(x/b)**p", "2*k*(X/b)**p*gamma(p/2 + 3/2)/(sqrt(pi)*gamma(p/2 + 2))", "0", GELB, True),
     ("c*sinh(v/w)", "0", "2*c*besseli(1, omega*X/w)/(omega*X)", OWN, True),
     ("mu*abs(x)*sign(v)", "0", "2*mu/(pi*omega)", OWN, True),
-    ("mu*x**2*sign(v)", "0", "4*mu*X/(3*pi*omega)", OWN, True),
     ("c*v*abs(x)", "0", "4*c*X/(3*pi)", OWN, True), ("k*x*abs(v)", "4*k*omega*X/(3*pi)", "0", OWN, True),
     ("k*x*v**2", "k*omega**2*X**2/4", "0", OWN, True), ("c*x**4*v", "0", "c*X**4/8", OWN, True),
     (
@@ -77,11 +65,8 @@ TABLE = (
 def random_points(names, seed=5, count=24):
     rng = np.random.default_rng(seed)
     for _ in range(count):
-        yield (
-            {name: float(np.exp(rng.uniform(-0.8, 0.8))) for name in names},
-            float(np.exp(rng.uniform(-1, 1.2))),
-            float(np.exp(rng.uniform(-1, 1))),
-        )
+        values = {name: float(np.exp(rng.uniform(-0.8, 0.8))) for name in names}
+        yield values, *(float(np.exp(rng.uniform(-1, end))) for end in (1.2, 1))
 
 
 @pytest.mark.slow
@@ -89,9 +74,7 @@ def random_points(names, seed=5, count=24):
 def test_table_of_laws(law, stiffness, damping, source, closed):
     derived = derive(law)
     assert derived.closed_form is closed
-    if closed:
-        assert derived.checked_to is not None
-        assert derived.checked_to <= EXACT
+    assert not closed or derived.checked_to <= EXACT
     arguments = tuple(map(symbol, ("X", "omega", *derived.parameters)))
     printed = compiled((parse(stiffness), parse(damping)), arguments)
     for number, (values, X, omega) in enumerate(random_points(derived.parameters)):
@@ -132,11 +115,7 @@ def test_library_law_agrees_with_quadrature(law):
 def test_element_takes_names_of_parameters():
     element = laws["cubic-spring"].element("spring", {"k": "k3", "k3": "k"})
     assert element.force == parse("k3*x + k*x**3")
-    for names, word in (
-        ({"q": "k1"}, "it has k, k3"),
-        ({"k": "x"}, "cannot be a parameter"),
-        ({"k": "1k"}, "1k"),
-    ):
+    for names, word in (({"q": "k1"}, "it has k, k3"), ({"k": "x"}, "cannot be a parameter")):
         with pytest.raises(RsgenError, match=word):
             laws["cubic-spring"].element(renames=names)
 

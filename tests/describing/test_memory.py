@@ -31,13 +31,10 @@ CURVES = (
     ("Min(k1*x, F1) + Min(k2*x, F2)", {"k1": 3.0, "F1": 1.0, "k2": 0.7, "F2": 1.1}, True),
     ("Min(k1*x, k2*x + F*(1 - k2/k1))", {"k1": 3.0, "k2": 0.4, "F": 1.2}, True),
     ("Min(k1*x, k2*x + F)", {"k1": 3.0, "k2": 0.4, "F": 1.2}, False),
-    ("Min(k1*x, k2*x + F)", {"k1": 0.4, "k2": 3.0, "F": 1.2}, False),
     ("Min(k2*x, k1*x + F)", {"k1": 0.4, "k2": 3.0, "F": 1.2}, False),
-    ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, False),
+    ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, False), ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, False),
     ("Piecewise((K*x - R*x**1.5, x < b), (K*b - R*b**1.5, True))", {"K": 3.0, "R": 1.0, "b": 0.8}, True),
-    ("K*x - R*x*sqrt(x)", {"K": 3.0, "R": 0.4}, True), ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, False),
     (IWAN4, {"R": 2.0, "S": 0.7, "chi": -0.4, "xm": 0.9}, False),
-    ("Fs*tanh(kt*x/Fs)", {"kt": 3.0, "Fs": 1.5}, False), ("K*x/(1 + x/b)", {"K": 3.0, "b": 0.7}, False),
 )  # fmt: skip
 
 
@@ -69,8 +66,8 @@ def test_masing_formulas_of_the_literature():
     numbers = {symbol("kt"): 2.0, symbol("Fs"): 3.0, symbol("X"): 4.0}
     assert float(jenkins.energy.subs(numbers)) == pytest.approx(4 * 3 * (4 - 1.5))
     assert derive("masing(k1*x + k3*x**3)").stiffness == parse("k1 + 15/16*k3*X**2")
-    linear = derive("masing(k1*x)")
-    assert (linear.stiffness, linear.damping) == (symbol("k1"), 0)
+    structural = derive("masing(k*x) + structural(eta*k)")
+    assert (structural.stiffness, structural.damping) == (symbol("k"), parse("eta*k/omega"))
 
 
 def test_a_formula_with_integrals_says_what_is_evaluated():
@@ -102,11 +99,6 @@ def test_negative_parameters_and_forces_that_are_not_linear_in_a_masing_law():
     cubed = derive("masing(K*x)**3 + structural(h)").evaluate(2.0, OMEGA, {"K": 2.0, "h": 0.3})
     assert cubed.stiffness == pytest.approx(0.75 * 8 * 4, rel=1e-12)
     assert cubed.damping == pytest.approx(0.3 / OMEGA, rel=1e-12)
-
-
-def test_structural_damping():
-    derived = derive("k*x + structural(eta*k)")
-    assert (derived.stiffness, derived.damping) == (symbol("k"), parse("eta*k/omega"))
 
 
 def test_dahl_and_maxwell_against_their_closed_solutions():
@@ -153,6 +145,12 @@ def test_loops_that_do_not_close_are_refused(rate):
         derive(make_element("law", "k*x + z", {"z": rate}))
 
 
+def test_a_loop_that_closes_at_some_values_only():
+    law = derive(make_element("law", "k*x + z", {"z": "a*v - b*z"}))
+    with pytest.raises(RsgenError, match=r"the loop of z does not close at X = 0\.5 m"):
+        law.evaluate([0.5, 1.0], OMEGA, {"k": 1.0, "a": 1.0, "b": -2.0})
+
+
 def held_against_stepping(derived, values, rate, X, k=0.0, asked=STEPPED):
     found = derived.evaluate(X, OMEGA, values)
     wanted = odd_loop(rate, lambda x, v, z: k * x + z, X, OMEGA)
@@ -194,9 +192,3 @@ def test_what_was_not_compared_or_is_not_known_is_said_so():
     dahl = derive(make_element("dahl", "z", {"z": "kt*v - kt*abs(v)*z/Fs"}))
     with pytest.raises(RsgenError, match=r"is not known to three digits at X = 1e\+04 m"):
         dahl.evaluate(1e4, OMEGA, {"kt": 3000.0, "Fs": 0.01})
-
-
-def test_a_loop_that_closes_at_some_values_only():
-    law = derive(make_element("law", "k*x + z", {"z": "a*v - b*z"}))
-    with pytest.raises(RsgenError, match=r"the loop of z does not close at X = 0\.5 m"):
-        law.evaluate([0.5, 1.0], OMEGA, {"k": 1.0, "a": 1.0, "b": -2.0})

@@ -1,7 +1,9 @@
 """The expression language: what it reads, what it refuses, and that writing and reading are inverse."""
 
+import inspect
 import json
 import math
+import sys
 import time
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 import sympy
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from scipy import special
 
 from rsgen.common.errors import ExpressionError
 from rsgen.formula.evaluation import compiled
@@ -24,8 +27,7 @@ ROUNDING = 1e-9  # of doubles through some ten operations, cancellation included
 SEEN = {"x", "y", "z", "v", "alpha"}  # the names that the corpus takes as declared
 
 LAWS = {
-    "k1 + 3/4*kn1*X**2": "k1 + 3/4*kn1*X**2", "X**4*kn2*0.625+k2": "k2 + 5/8*kn2*X**4",
-    "c3 + 4*Ff/(pi*omega*X)": "c3 + 4*Ff/(pi*omega*X)",
+    "X**4*kn2*0.625+k2": "k2 + 5/8*kn2*X**4",
     "c6 + 8*cn6*omega*X/(3*pi)": "c6 + 8/(3*pi)*cn6*omega*X", "k6/2 + 0.5*k7": "(k6 + k7)/2",
     "Ff*sign(v) + c3*v": "c3*v + Ff*sign(v)", "-b + x": "x - b", "1 + x": "x + 1",
     "b**2 + x**2": "x**2 + b**2", "gamma(1.5 + p/2)": "gamma((p + 3)/2)",
@@ -115,13 +117,11 @@ def test_corpus_behaves_as_expected(entry, tmp_path):
         "k1*x + kn*x**3",
         "column 8: the name 'kn' is not known here, did you mean 'kn1'?; known: Ff, k, k1, kn1, v, x",
     ),
-    ("3x", "write 3*x"), ("k1 x", "column 4: an operator is missing before this; write k1*x"),
+    ("k1 x", "column 4: an operator is missing before this; write k1*x"),
     ("k1*x**3,5", "column 8: a comma stands between arguments only"),
-    ("k1(x)", "write k1*(...) for a product"),
-    ("α*x", "write alpha"), ("k1*ẋ", "write v"), ("k1*x'", "write v for the velocity"),
-    ("k1*", "the formula ends in '*'"),
+    ("k1(x)", "write k1*(...) for a product"), ("α*x", "write alpha"), ("k1*x'", "write v for the velocity"),
+    ("k1*", "the formula ends in '*'"), ("f = k1*x", "only what stands on the right"),
     ("(k1*x", "1 parenthesis not closed"), ("k1*x)", "column 5: a ')' without its '('"),
-    ("f = k1*x", "only what stands on the right"),
     ("x/(k1 - k1)", "column 4: division by 'k1 - k1', which is zero"),
     ("sin", "sin is a function; write sin(...)"), ("log(x, 10)", "log(a)/log(10)"),
     ("x if v > 0 else 0", "Piecewise((value, condition)"),
@@ -131,10 +131,10 @@ def test_corpus_behaves_as_expected(entry, tmp_path):
     ("asin(cosh(abs(x) - abs(x) + 1))", "no finite real value"), ("(-3)**(x - k)", "not real"),
     ("besseli(1, 3**(x - 1e290))", "a number above 1000 in an exponent with names"),
     ("x**65", "the exponent '65' is above 64"), ("(x**64)**64", "has the power 4096"),
-    ("(x + v + k1)**64", "terms when expanded"), ("1e-400", "out of range"),
-    ("10**50*10**50*10**50*10**50*10**50*10**50*10**50", "out of range"), ("1" * 31, "31 digits"),
+    ("(x + v + k1)**64", "terms when expanded"), ("1e-400", "out of range"), ("1" * 31, "31 digits"),
+    ("10**50*10**50*10**50*10**50*10**50*10**50*10**50", "out of range"), ("gamma(1e8)", "out of range"),
     ("besselj(k1, x)", "no whole number"), ("exp(exp(exp(100)))", "beyond 1e308"),
-    ("gamma(1e8)", "out of range"), ("Max(" + ",".join(f"{n}*x*v" for n in range(9)) + ")", "at most 8"),
+    ("Max(" + ",".join(f"{n}*x*v" for n in range(9)) + ")", "at most 8"),
 ])  # fmt: skip
 def test_a_refusal_says_where_what_and_what_instead(text, said):
     with pytest.raises(ExpressionError) as caught:
@@ -149,20 +149,15 @@ def test_only_text_is_read(text):
         parse(text)
 
 
-@pytest.mark.parametrize(
-    "name", ["k1", "kn1", "Ff", "gamma", "zeta", "E", "I", "lambda_", "e", "i", "max", "x1"]
-)
+@pytest.mark.parametrize("name", ["kn1", "Ff", "gamma", "zeta", "E", "I", "lambda_", "e", "max", "x1"])
 def test_customary_parameter_names_are_legal(name):
     assert check_name(name) == name
     assert parse(name, {name}) == symbol(name)
 
 
 @pytest.mark.parametrize("name", [
-    *("x", "v", "X", "X0", "omega", "t", "F"),
-    *("sin", "abs", "Piecewise", "besselj", "pi", "inf", "nan"),
-    *("lambda", "True", "None", "and", "__class__", "_a", "", " ", "a b", "k-1", "1k", "µ"),
-    *("k1\n", "\ud800"),
-    *("a" * 41, None, 3, "<b>"),
+    *("x", "X0", "omega", "t", "F", "sin", "Piecewise", "pi", "nan", "lambda", "True", "and", "__class__"),
+    *("_a", "", "a b", "k-1", "1k", "µ", "k1\n", "\ud800", "a" * 41, None, 3, "<b>"),
 ])  # fmt: skip
 def test_names_with_a_meaning_of_their_own_are_refused(name):
     with pytest.raises(ExpressionError) as caught:
@@ -170,15 +165,13 @@ def test_names_with_a_meaning_of_their_own_are_refused(name):
     checked_message(caught.value)
 
 
-def test_gamma_is_a_function_only_where_it_is_called():
-    assert parse("gamma*gamma(3)", {"gamma"}) == 2 * symbol("gamma")
-
-
 def test_symbols_are_canonical():
     assert symbol("X").is_positive
     assert symbol("omega").is_positive
     assert all(symbol(name).is_real and symbol(name).is_positive is None for name in ("x", "v", "X0", "k1"))
     assert parse("k1*x").free_symbols == {symbol("k1"), symbol("x")}
+    # a function only where it is called
+    assert parse("gamma*gamma(3)", {"gamma"}) == 2 * symbol("gamma")
     with pytest.raises(ExpressionError):
         symbol("sin")
 
@@ -216,26 +209,25 @@ ONE_ARGUMENT = [
 
 
 def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
+    def made(shape: str, *parts: st.SearchStrategy[object]) -> st.SearchStrategy[str]:
+        return st.tuples(*parts).map(lambda texts: shape.format(*texts))
+
     exponent = st.sampled_from(["2", "3", "0.5", "(1/3)", "-1", "-2", "1.5", "b"])
-    comparison = st.tuples(inner, COMPARE, inner).map(" ".join)
+    comparison = made("{} {} {}", inner, COMPARE, inner)
     condition = st.one_of(
         comparison,
-        st.tuples(comparison, st.sampled_from(["and", "or"]), comparison).map(" ".join),
-        st.tuples(comparison, comparison).map("({0[0]}) & ({0[1]})".format),
+        made("{} {} {}", comparison, st.sampled_from(["and", "or"]), comparison),
+        made("({}) & ({})", comparison, comparison),
     )
     return st.one_of(
-        st.tuples(inner, st.sampled_from("+-"), inner).map(" ".join),
-        st.tuples(inner, st.sampled_from("*/"), inner).map("({0[0]}){0[1]}({0[2]})".format),
-        st.tuples(inner, exponent).map("({0[0]})**{0[1]}".format),
-        inner.map("-({})".format),
-        st.tuples(st.sampled_from(ONE_ARGUMENT), inner).map("{0[0]}({0[1]})".format),
-        st.tuples(st.sampled_from(["Min", "Max", "atan2"]), inner, inner).map(
-            "{0[0]}({0[1]}, {0[2]})".format
-        ),
-        st.tuples(st.sampled_from(["besselj", "besseli"]), st.integers(0, 4), inner).map(
-            "{0[0]}({0[1]}, {0[2]})".format
-        ),
-        st.tuples(inner, condition, inner).map("Piecewise(({0[0]}, {0[1]}), ({0[2]}, True))".format),
+        made("{} {} {}", inner, st.sampled_from("+-"), inner),
+        made("({}){}({})", inner, st.sampled_from("*/"), inner),
+        made("({})**{}", inner, exponent),
+        made("-({})", inner),
+        made("{}({})", st.sampled_from(ONE_ARGUMENT), inner),
+        made("{}({}, {})", st.sampled_from(["Min", "Max", "atan2"]), inner, inner),
+        made("{}({}, {})", st.sampled_from(["besselj", "besseli"]), st.integers(0, 4), inner),
+        made("Piecewise(({}, {}), ({}, True))", inner, condition, inner),
     )
 
 
@@ -245,7 +237,6 @@ VALUES = {"x": 0.37, "v": -1.21, "X": 0.83, "omega": 2.3, "k1": 1.7, "k2": -0.6,
 
 def python_value(text: str) -> float:
     """The meaning of a formula by Python itself: trusted text made here, an independent way to its value."""
-    from scipy import special
 
     def piecewise(*branches: tuple[float, bool]) -> float:
         return next(value for value, holds in branches if holds)
@@ -330,11 +321,9 @@ TOKENS = st.sampled_from([*WORDS.split(), *MORE.split(), *FUNNY.split(), "\n", "
 
 @pytest.mark.slow
 @given(
-    st.one_of(
-        st.text(max_size=60),
-        st.lists(TOKENS, max_size=25).map("".join),
-        st.lists(TOKENS, max_size=15).map(" ".join),
-    )
+    st.text(max_size=60)
+    | st.lists(TOKENS, max_size=25).map("".join)
+    | st.lists(TOKENS, max_size=15).map(" ".join)
 )
 @example("\ud800")
 @example("x" + "\u0301")
@@ -366,12 +355,7 @@ def test_a_name_is_legal_or_refused_in_a_sentence(name):
 @pytest.mark.slow
 def test_reading_deep_in_a_call_stack_is_refused_not_a_crash():
     def deeper(levels: int) -> sympy.Expr | ExpressionError:
-        if levels:
-            return deeper(levels - 1)
-        return outcome("sin(" * 39 + "x" + ")" * 39, None)[0]
-
-    import inspect
-    import sys
+        return deeper(levels - 1) if levels else outcome("sin(" * 39 + "x" + ")" * 39, None)[0]
 
     free = sys.getrecursionlimit() - len(inspect.stack())
     assert isinstance(deeper(free - 80), ExpressionError)

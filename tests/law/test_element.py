@@ -17,8 +17,7 @@ ROUND_OFF = 1e-10  # sums of pieces cancel terms that are up to about 1e4 times 
 
 MINIMAL = {
     # law: pieces as (term, switch functions)
-    "sign(v)": {("-1", ()), ("2", ("v",))}, "v*abs(v)": {("-v**2", ()), ("2*v**2", ("v",))},
-    "x*abs(x)": {("-x**2", ()), ("2*x**2", ("x",))}, "x**3*abs(x)": {("-x**4", ()), ("2*x**4", ("x",))},
+    "sign(v)": {("-1", ()), ("2", ("v",))}, "x**3*abs(x)": {("-x**4", ()), ("2*x**4", ("x",))},
     "abs(k*x)": {("-abs(k)*x", ()), ("2*abs(k)*x", ("x",))},
     "sign(b - a*x)": {("sign(a)", ()), ("-2*sign(a)", ("x - b/a",))},
     "Piecewise((k6*x, x > 0), (k7*x, True))": {("k7*x", ()), ("k6*x - k7*x", ("x",))},
@@ -31,15 +30,14 @@ MINIMAL = {
 }  # fmt: skip
 
 LAWS = (
-    *MINIMAL, "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))", "Max(-F, Min(k*x, F))",
-    "Max(0, abs(x) - b)*sign(x)", "abs(abs(k*x) - b)", "abs(x**2 - a) + sign(k*x**2 + b*x + a)",
+    *MINIMAL, "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
+    "abs(abs(k*x) - b)", "abs(x**2 - a) + sign(k*x**2 + b*x + a)",
     "exp(-abs(v)/(1 + w**2))*sign(v) + log(1 + abs(x))",
     "Piecewise((k*(x - b), x > b), (k*(x + b), x < -b), (0, True))",
     "Piecewise((k*x, (x < b) & (v > w)), (a*v, (x > 2) | (v < -1)), (b, True))", "Min(Max(x, v), abs(x), k)",
     "sign(x*v)*abs(x - b)*abs(v)", "tanh(k*abs(x)) + tanh(Max(0, x - b))",
     "(abs(x) + abs(v))**3 - 1/(1 + abs(x)**3)", "abs(tanh(x) - 0.5) + sign(exp(v) - 2)",
-    "sign(x**3 - x) + sign(x**5 - 3)", "sign(x**3 - 2*x**2 + x)", "exp(Max(0, k*x - b)/10)",
-    "Piecewise((x, b > 0), (v, True))", "Heaviside(v - abs(x))*x",
+    "sign(x**3 - x) + sign(x**5 - 3)", "Piecewise((x, b > 0), (v, True))", "Heaviside(v - abs(x))*x",
 )  # fmt: skip
 
 
@@ -104,8 +102,8 @@ def test_foreign_symbols_are_refused():
 
 
 @pytest.mark.parametrize(("sensors", "share"), [
-    ("payload - wing", 1.0), ("payload-wing", 1.0), ("payload - 1e-3*wing", 1.0), ("2 * tip - root", 1.0),
-    ("gauge", 0.0), ("strain gauge", 0.0), ("-gauge", 0.0), ("1e-3*gauge", 0.0), ("0.5 * gauge", 0.0),
+    ("payload-wing", 1.0), ("payload - 1e-3*wing", 1.0), ("2 * tip - root", 1.0),
+    ("strain gauge", 0.0), ("-gauge", 0.0), ("1e-3*gauge", 0.0),
 ])  # fmt: skip
 def test_a_motion_across_is_a_difference_where_two_channels_are_summed(sensors, share):
     assert response_share(sensors) == share

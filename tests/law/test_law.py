@@ -1,32 +1,25 @@
 """Laws as a user composes them, from text, from the library, as sums; `rsgen laws` lists them."""
 
 from dataclasses import fields
+from itertools import permutations
 
 import pytest
-import sympy
 
 from rsgen.common.errors import ExpressionError, RsgenError
 from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.formula.names import symbol
 from rsgen.formula.reading import parse
-from rsgen.law.element import Element, Law, as_elements, laws, make_element
+from rsgen.law.element import Law, as_elements, laws, make_element
 
-SUMMANDS = (Law("k*x"), "c*v", make_element("friction", "Ff*sign(v)"), laws["cubic-spring"])
+SUMMANDS = (Law("k*x"), "c*v", make_element("friction", "Ff*sign(v)"), laws["quadratic-damper"])
 
 
-@pytest.mark.parametrize("first", SUMMANDS)
-@pytest.mark.parametrize("second", SUMMANDS)
+@pytest.mark.parametrize(("first", "second"), [*permutations(SUMMANDS, 2)])
 def test_plus_adds_laws_formulas_and_elements(first, second):
-    if isinstance(first, str) and isinstance(second, str):
-        return
-    if {id(first), id(second)} == {id(SUMMANDS[0]), id(SUMMANDS[-1])} or first is second:
-        return  # the term k*x of both is there once: below
     total = first + second
     parts = [parse(part) if isinstance(part, str) else part.force for part in (first, second)]
     assert total.force == sum(parts)
     assert Law(total.formula).force.expand() == total.force.expand()
-    names = [element.name for element in total.elements]
-    assert len(names) == len(set(names)) == 2
+    assert len({element.name for element in total.elements}) == len(total.elements) == 2
 
 
 def test_a_term_of_two_laws_is_there_once_and_one_name_for_two_things_is_refused():
@@ -35,12 +28,8 @@ def test_a_term_of_two_laws_is_there_once_and_one_name_for_two_things_is_refused
     assert total.force == parse("k*x + k3*x**3 + k5*x**5")
     assert Law(total.formula).force.expand() == total.force.expand()
     assert Law("k*x + c*v") + "c*v" == Law("k*x + c*v")
-    for first, second in (
-        ("linear-spring", "dead-zone"),
-        ("stribeck", "jenkins"),
-        ("pendulum", "sinh-spring"),
-    ):
-        with pytest.raises(ExpressionError, match=r"(k|Fs|a): stands in both laws .*renames="):
+    for first, second in (("linear-spring", "dead-zone"), ("stribeck", "jenkins")):
+        with pytest.raises(ExpressionError, match=r"(k|Fs): stands in both laws .*renames="):
             laws[first] + laws[second]
     with pytest.raises(ExpressionError, match="k: stands in both laws"):
         make_element("ground", "k*x") + make_element("joint", "k*x", across="payload - wing")
@@ -84,7 +73,6 @@ def test_the_library_is_a_mapping_that_iterates_over_laws():
     candidates = [Law("k*x"), *laws]
     assert len(candidates) == 1 + len(laws) > 30
     assert all(laws[law.name] is law for law in laws)
-    assert "coulomb" in laws
     assert "friction" not in laws
     assert laws.names == tuple(law.name for law in laws)
     with pytest.raises(RsgenError, match="did you mean 'cubic-spring'"):
@@ -103,13 +91,10 @@ def test_laws_show_themselves():
     assert repr(Law("k*x")) == "Law('k*x')"
     assert Law("k*x")._repr_latex_() == make_element("spring", "k*x")._repr_latex_() == "$n(x, v) = k x$"
     assert repr(laws).splitlines()[0].split() == ["linear-spring", "k*x"]
-
-
-def test_laws_with_memory_show_the_equations_of_their_states():
+    # the equations of states, too
     law = Law("k*x + z", memory={"z": "v - Piecewise((z, z < 1), (0, True))"})
     assert r",\quad \dot z = v - " in law._repr_latex_()
     assert law.text == "k*x + z, z' = v - Piecewise((z, z < 1), (0, True))"
-    assert "bouc-wen" in repr(laws)
     assert "z' = alpha*v - " in repr(laws)
 
 
@@ -125,29 +110,21 @@ def test_one_law_shows_parameters_describing_function_and_source(run_cli):
     assert "own derivation" in run_cli("laws", "stribeck").out
 
 
-x, v, k, c = sympy.symbols("x v k c", real=True)
-SPRING = Element("spring", k * x, ("k",))
-DAMPER = Element("damper", c * v, ("c",))
+SPRING, DAMPER = make_element("spring", "k*x"), make_element("damper", "c*v")
 
 
 def test_a_model_has_no_place_for_values():
     # laws, what is known beforehand, and facts about the test: nothing that truth could hide in
     assert {f.name for f in fields(Model)} == {"elements", "mass", "observation", "fixed", "mass_error"}
-    assert {f.name for f in fields(Observation)} == {
-        "background",
-        "hold_out",
-        "predict",
-        "band",
-        "calibrated",
-    }
+    known = {"background", "hold_out", "predict", "band", "calibrated"}
+    assert {f.name for f in fields(Observation)} == known
     assert Model((SPRING, DAMPER)).parameters == ("c", "k")
 
 
 @pytest.mark.parametrize("law", ["k*x + c*v", ["k*x", "c*v"], Law("k*x") + DAMPER, (SPRING, DAMPER)])
 def test_a_structure_takes_any_way_to_write_a_law(law):
-    oscillator = Oscillator(2, law, {"k": 3, "c": 2})
-    model = Model(law, 2.0)
-    assert oscillator.force == model.force == symbol("k") * symbol("x") + symbol("c") * symbol("v")
+    oscillator, model = Oscillator(2, law, {"k": 3, "c": 2}), Model(law, 2.0)
+    assert oscillator.force == model.force == parse("k*x + c*v")
     assert oscillator.parameters == model.parameters == ("c", "k")
     assert repr(oscillator) == "Oscillator(2, 'c*v + k*x', {'c': 2.0, 'k': 3.0})"
     assert eval(repr(oscillator)) == Oscillator(2.0, "c*v + k*x", {"c": 2.0, "k": 3.0})

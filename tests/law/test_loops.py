@@ -10,34 +10,30 @@ from rsgen.law.memory import with_memory
 from rsgen.law.motion import Motion, fourier_series, project
 from rsgen.law.numeric import ForceLaw, compile_law
 
-STATES = {
+LAWS = {
     "bouc-wen": (
-        {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}, "k*x + c*v + z",
+        "k*x + c*v + z", {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"},
         {"alpha": 2.0, "bd": -0.6, "bg": 1.3, "c": 0.01, "k": 1.0},
     ),
     "lugre": (
-        {"z": "v - s0*abs(v)/(Fc + (Fs - Fc)*exp(-(v/w)**2))*z"}, "k*x + s0*z + s1*v",
+        "k*x + s0*z + s1*v", {"z": "v - s0*abs(v)/(Fc + (Fs - Fc)*exp(-(v/w)**2))*z"},
         {"Fc": 0.5, "Fs": 0.8, "k": 1.0, "s0": 40.0, "s1": 0.01, "w": 3.0},
     ),
     "two states": (
-        {"y": "a*v - b*y + r*z", "z": "y - g*z*abs(z)"}, "x**3 + y*x + z",
+        "x**3 + y*x + z", {"y": "a*v - b*y + r*z", "z": "y - g*z*abs(z)"},
         {"a": 9.0, "b": 8.0, "g": 0.5, "r": -20.0},
     ),
+    "sliders": (
+        "k*x + masing(Min(kt*x, Fs)) + masing(Min(2*kt*x, Fs/3))", {}, {"Fs": 0.7, "k": 1.0, "kt": 2.0},
+    ),
+    "power": ("x*masing(K*x - R*x**p) + structural(h)", {}, {"K": 3.0, "R": 0.5, "h": 0.2, "p": 1.5}),
 }  # fmt: skip
-CURVES = {
-    "sliders": ("k*x + masing(Min(kt*x, Fs)) + masing(Min(2*kt*x, Fs/3))", {"Fs": 0.7, "k": 1.0, "kt": 2.0}),
-    "power": ("x*masing(K*x - R*x**p) + structural(h)", {"K": 3.0, "R": 0.5, "h": 0.2, "p": 1.5}),
-}
 
 
 def _law(name: str) -> tuple[ForceLaw, np.ndarray]:
-    if name in CURVES:
-        text, values = CURVES[name]
-        law = compile_law(parse(text))
-    else:
-        memory, text, values = STATES[name]
-        law = compile_law(with_memory(parse(text), memory))
-    return law, np.array([values[parameter] for parameter in law.parameters])
+    text, memory, values = LAWS[name]
+    law = compile_law(with_memory(parse(text), memory) if memory else parse(text))
+    return law, law.ordered(values)
 
 
 def _motion(third: float, count: int = 4) -> Motion:
@@ -82,7 +78,7 @@ def test_a_masing_loop_is_that_of_its_sliders(third):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*STATES, *CURVES])
+@pytest.mark.parametrize("name", LAWS)
 def test_slopes_of_a_loop_are_differences(name):
     """By every parameter and every coordinate of the motion, to the order of a corner in a sample."""
     law, values = _law(name)
