@@ -64,10 +64,8 @@ def examine(scratch: Scratch, fault: Fault, blind: Collection[str]) -> Result:
 
 def report(results: Sequence[Result], minutes: float) -> str:
     seen = sum(bool(result.seen) for result in results)
-    text = (
-        HEAD + f"{len(results)} faults, {seen} of them seen, in {minutes:.0f} minutes; with each stand the "
-    )
-    text += "seconds that its test took, the start of a process among them.\n"
+    text = HEAD + f"{len(results)} faults, {seen} of them seen, in {minutes:.0f} minutes; "
+    text += "with each stand the seconds that its test took, the start of a process among them.\n"
     for group in GROUPS:
         text += f"\n## {group[0].upper()}{group[1:]}\n\n"
         text += "| fault | what it means | seen by | s |\n| --- | --- | --- | --- |\n"
@@ -79,13 +77,10 @@ def report(results: Sequence[Result], minutes: float) -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """Examine the faults that hold one of the words, or all."""
-    faults = [
-        fault
-        for fault in load_faults()
-        if not words
-        or any(word in text for word in words for text in (fault.name, fault.group, fault.function))
-    ]
+    faults = load_faults()
+    if words:
+        named = ((fault, f"{fault.name} {fault.group} {fault.function}") for fault in faults)
+        faults = tuple(fault for fault, text in named if any(word in text for word in words))
     guards = tuple(dict.fromkeys(test for fault in faults for test in fault.caught))
     started, results = time.monotonic(), list[Result]()
     with tempfile.TemporaryDirectory(prefix="rsgen-faults-") as folder:

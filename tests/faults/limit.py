@@ -7,20 +7,15 @@ import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
-from types import FrameType
 
 import pytest
 
 LIMIT = float(os.environ.get("RSGEN_FAULTS_LIMIT", "60"))
 
 
-def _stop(number: int, frame: FrameType | None) -> None:
-    pytest.skip(f"longer than {LIMIT:g} s")
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    signal.signal(signal.SIGALRM, _stop)
+    signal.signal(signal.SIGALRM, lambda *_: pytest.skip(f"longer than {LIMIT:g} s"))
     signal.setitimer(signal.ITIMER_REAL, LIMIT)
     try:
         return (yield)

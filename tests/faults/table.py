@@ -47,9 +47,8 @@ class Place:
         part = self.text[self.start : self.stop]
         found = part.count(fault.old)
         if found != 1:
-            raise FaultError(
-                f"{fault.name}: {fault.old!r} occurs {found} times in {fault.function}; once is needed"
-            )
+            times = f"{found} times in {fault.function}; once is needed"
+            raise FaultError(f"{fault.name}: {fault.old!r} occurs {times}")
         return self.text[: self.start] + part.replace(fault.old, fault.new) + self.text[self.stop :]
 
 
@@ -73,44 +72,36 @@ def _definitions(tree: ast.AST, before: str = "") -> Iterator[tuple[str, ast.Fun
             yield from _definitions(node, f"{before}{node.name}.")
 
 
-def _places(root: Path, file: Path, name: str) -> list[Place]:
-    """Where the functions of this qualified name are in a file; properties may have several."""
+def _places(root: Path, module: str, name: str) -> Iterator[Place]:
+    """Where the functions of this qualified name are in a module; properties may have several."""
+    file = Path(*module.split(".")).with_suffix(".py")
+    if not (root / file).is_file():
+        return
     text, tree = _parsed(root / file)
-    starts = [0]
-    for line in text.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-    return [
-        Place(file, text, starts[node.lineno - 1], starts[node.end_lineno or node.lineno])
-        for found, node in _definitions(tree)
-        if found == name
-    ]
+    lines = text.splitlines(keepends=True)
+    for found, node in _definitions(tree):
+        if found == name:
+            start, stop = ("".join(lines[:end]) for end in (node.lineno - 1, node.end_lineno))
+            yield Place(file, text, len(start), len(stop))
 
 
 def find_place(fault: Fault, root: Path) -> Place:
     """Where the function of a fault is in a checkout: in its module, or a template."""
     module, _, name = fault.function.partition(":")
-    if not name:
-        files = sorted((root / "rsgen").rglob(module))
-        if len(files) != 1:
-            raise FaultError(f"{fault.name}: {len(files)} files are called {module}; one is needed")
-        text = files[0].read_text(encoding="utf-8")
-        return Place(files[0].relative_to(root), text, 0, len(text))
-    file = Path(*module.split(".")).with_suffix(".py")
-    found = _places(root, file, name) if (root / file).is_file() else []
+    if name:
+        found = list(_places(root, module, name))
+    else:
+        files = {path: path.read_text(encoding="utf-8") for path in sorted((root / "rsgen").rglob(module))}
+        found = [Place(path.relative_to(root), text, 0, len(text)) for path, text in files.items()]
     if len(found) != 1:
-        raise FaultError(
-            f"{fault.name}: {len(found)} functions are called {name}; {fault.function} is needed"
-        )
+        raise FaultError(f"{fault.name}: {len(found)} places are {fault.function}; one is needed")
     return found[0]
 
 
-def test_exists(test, root):
+def is_there(test: str, root: Path) -> bool:
     """Whether the file of a test id and its function are there."""
-    file, *names = test.split("::")
+    file, _, name = test.partition("::")
+    wanted = name.partition("[")[0].replace("::", ".")
     if not (root / file).is_file():
         return False
-    wanted = ".".join(name.partition("[")[0] for name in names)
     return not wanted or any(found == wanted for found, _ in _definitions(_parsed(root / file)[1]))
-
-
-test_exists.__test__ = False  # type: ignore[attr-defined]

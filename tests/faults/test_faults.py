@@ -3,10 +3,11 @@
 import ast
 from collections import Counter
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 
-from tests.faults.table import GROUPS, Fault, FaultError, find_place, load_faults, test_exists
+from tests.faults.table import GROUPS, Fault, FaultError, find_place, is_there, load_faults
 
 ROOT = Path(__file__).parents[2]
 FAULTS = load_faults()
@@ -27,9 +28,13 @@ def test_each_fault_is_found_once_and_leaves_a_program():
         faulty = place.replaced(fault)
         assert faulty != place.text, fault.name
         if place.file.suffix == ".py":
-            assert ast.dump(ast.parse(faulty)) != ast.dump(ast.parse(place.text)), fault.name
+            ends = place.stop, place.stop + len(faulty) - len(place.text)
+            before, after = (
+                text[place.start : end] for text, end in zip((place.text, faulty), ends, strict=True)
+            )
+            assert ast.dump(ast.parse(dedent(before))) != ast.dump(ast.parse(dedent(after))), fault.name
         assert 1 <= len(fault.caught) <= 3, fault.name
-        assert [test for test in fault.caught if not test_exists(test, ROOT)] == [], fault.name
+        assert [test for test in fault.caught if not is_there(test, ROOT)] == [], fault.name
 
 
 def test_a_stale_text_is_named():

@@ -64,9 +64,9 @@ def tree_of_table(table: rsgen.ModalTable) -> Tree:
         if end == "upper" or name == "frequency"
     }
     return {
-        "known": list(table.known), "amplitude": series(table.amplitude, entries=1), **shown, **ends,
-        "tested": list(table.tested), "mass": {"value": table.mass, "standard_error": table.mass_error},
-        "misfit": table.misfit, "points": table.points, "levels": series(table.test.levels, entries=1),
+        **trees.parts(table, "known tested misfit points"), **shown, **ends,
+        "amplitude": series(table.amplitude, entries=1), "levels": series(table.test.levels, entries=1),
+        "mass": {"value": table.mass, "standard_error": table.mass_error},
         "background": trees.background(table.test.background), "findings": trees.findings(table.findings),
     }  # fmt: skip
 

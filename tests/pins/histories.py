@@ -13,7 +13,6 @@ from tests.history.test_swept_sine import spoilt
 from tests.oracles.swept import sweep
 from tests.pins import pinned, trees
 from tests.pins.pinned import SMOOTH, Pin, Tree
-from tests.pins.trees import series
 
 UP, DOWN = SweepLaw("linear", 9.0, 0.05), SweepLaw("linear", 11.0, -0.05)
 OCTAVES = SweepLaw("logarithmic", 9.0, 0.008)
@@ -74,13 +73,10 @@ def _tap(name: str, quantity: str = "displacement", noise: float = 0.0) -> TimeH
 def _followed(name: str, quantity: str, noise: float, mass: float | None = MASS) -> Tree:
     found = rsgen.history.follow_decay(_tap(name, quantity, noise), mass=mass)
     # errors come from the scatter of neighbours, which is round-off where there is no noise
-    errors = {"stiffness_error": found.stiffness_error, "damping_error": found.damping_error}
+    errors = trees.parts(found, "", "stiffness_error damping_error", entries=2) if noise else {}
     return {
-        **{
-            each: series(getattr(found, each))
-            for each in ("time", "frequency", "damping_ratio", "stiffness", "damping")
-        },
-        **({each: series(value, entries=2) for each, value in errors.items()} if noise else {}),
+        **trees.parts(found, "", "time frequency damping_ratio stiffness damping"),
+        **errors,
         "harmonics": trees.columns(np.nan_to_num(found.harmonics)),
         "findings": trees.findings(found.findings),
     }

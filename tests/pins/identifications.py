@@ -5,7 +5,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -43,69 +43,46 @@ BACKGROUNDS = ("none", "phase", "constant", "residuals")
 NOISES = (0.0, 0.001, 0.01, 0.03)
 
 
-@dataclass(frozen=True)
-class Draw:
-    """One random identification: what was tested, how it was measured, and what identification may know."""
-
-    law: str
-    values: dict[str, float]
-    background: str
-    phase_known: bool
-    noise: float
-    mass_known: bool
-    hold_out: bool
-    seed: int
-
-
-def draw(seed: int) -> Draw:
-    """The random identification of this seed; every law comes up five times."""
+def identify_draw(seed: int) -> rsgen.Identification:
+    """Simulate, add the background, add noise, forget the phase, identify; every law comes up five times."""
     generator = np.random.default_rng([20261122, seed])
     law = list(LAWS)[seed % len(LAWS)]
     typical = {"k": 5920.0, "c": 3.8, **LAWS[law][1]}
     values = {name: value * generator.uniform(0.8, 1.25) for name, value in typical.items()}
     # a test without phase knows a constant background, but no error of the phase
     phase_known = bool(generator.uniform() < 0.6) or law not in AMPLITUDES_SUFFICE
-    kinds = BACKGROUNDS if phase_known else ("none", "constant")
-    return Draw(
-        law=law, values=values, background=str(generator.choice(kinds)), phase_known=phase_known,
-        noise=float(generator.choice(NOISES)), mass_known=bool(generator.uniform() < 0.2),
-        hold_out=bool(generator.uniform() < 0.2), seed=seed,
-    )  # fmt: skip
-
-
-def identify_draw(seed: int) -> rsgen.Identification:
-    """Simulate, add the background, add noise, forget the phase, identify."""
-    case = draw(seed)
-    elements = (rsgen.make_element("law", f"k*x + c*v + {LAWS[case.law][0]}"),)
+    background = str(generator.choice(BACKGROUNDS if phase_known else ("none", "constant")))
+    relative, mass_known, held_out = generator.choice(NOISES), *(generator.uniform(size=2) < 0.2)
+    elements = (rsgen.make_element("law", f"k*x + c*v + {LAWS[law][0]}"),)
     levels = np.array([2.0, 4.0, 7.0, 10.0])
     test = rsgen.SimulatedTest(level=levels, frequency=np.linspace(8, 12, 21), harmonics=5, accuracy=1e-7)
-    surface = rsgen.simulate(rsgen.Oscillator(MASS, elements, case.values), test)
-    generator = np.random.default_rng([20261122, case.seed, 1])
+    surface = rsgen.simulate(rsgen.Oscillator(MASS, elements, values), test)
+    generator = np.random.default_rng([20261122, seed, 1])
 
     def noise(shape: tuple[int, ...]) -> np.ndarray:
         parts = generator.standard_normal((*shape, 2))
-        return case.noise / np.sqrt(2) * (parts[..., 0] + 1j * parts[..., 1])
+        return relative / np.sqrt(2) * (parts[..., 0] + 1j * parts[..., 1])
 
-    b0 = 2e-4 * np.exp(1j * generator.uniform(-np.pi, np.pi)) if case.background != "phase" else 0.0
-    b1 = 0.5 * np.exp(1j * generator.uniform(-np.pi, np.pi)) if case.background == "residuals" else 0.0
+    b0 = 2e-4 * np.exp(1j * generator.uniform(-np.pi, np.pi)) if background != "phase" else 0.0
+    b1 = 0.5 * np.exp(1j * generator.uniform(-np.pi, np.pi)) if background == "residuals" else 0.0
     psi = generator.uniform(-0.5, 0.5)
     force, harmonics = np.array(surface.force), np.array(surface.harmonics)
     omega = 2 * np.pi * surface.frequency
-    if case.background != "none":
+    if background != "none":
         harmonics[:, 1] += (b0 + b1 / omega**2) * force
         force = force * np.exp(-1j * psi)
     size = np.abs(harmonics[:, 1])[:, None]
     harmonics = harmonics + size * noise(harmonics.shape)
     harmonics[:, 0] = harmonics[:, 0].real
     force = force + np.abs(force) * noise(force.shape)
-    if not case.phase_known:
+    if not phase_known:
         amplitude = np.abs(harmonics[:, 1])
         harmonics = np.zeros((len(amplitude), 2), dtype=complex)
         harmonics[:, 1] = amplitude
         force = np.abs(force).astype(complex)
-    seen = replace(surface, force=force, harmonics=harmonics, phase_known=case.phase_known)
-    observation = Observation(background=case.background, hold_out=(4.0,) if case.hold_out else ())
-    return rsgen.identify(seen, Model(elements, MASS if case.mass_known else None, observation))
+    seen = replace(surface, force=force, harmonics=harmonics, phase_known=phase_known)
+    observation = Observation(background=background, hold_out=(4.0,) if held_out else ())
+    return rsgen.identify(seen, Model(elements, MASS if mass_known else None, observation))
 
 
 def _identify_case(name: str, noise: float) -> rsgen.Identification:
@@ -131,10 +108,8 @@ OFTEN = 20
 def numbers(identified: Callable[[], rsgen.Identification]) -> Tree:
     """Values with standard errors of every stage, and noise."""
     found = identified()
-    stages = {
-        stage: trees.plain_estimates(getattr(found, stage)) for stage in ("refined", "first_order", "paper")
-    }
-    return {**stages, "noise": found.noise}
+    stages = ("refined", "first_order", "paper")
+    return {"noise": found.noise} | {each: trees.plain_estimates(getattr(found, each)) for each in stages}
 
 
 IDENTIFICATIONS: dict[str, Callable[[], rsgen.Identification]] = {

@@ -87,7 +87,7 @@ def _held_out() -> Tree:
     seen = rsgen.Observation(hold_out=(6.0,))
     found = rsgen.identify(small_joint("jenkins", NOISE), Model(joint_law("jenkins").elements, None, seen))
     (item,) = rsgen.predict(found, surface=small_joint("jenkins", NOISE)).held_out
-    return {"error": item.error, "largest_error": item.largest_error, "predicted": series(item.predicted)}
+    return trees.parts(item, "error largest_error", "predicted")
 
 
 def _background() -> Tree:

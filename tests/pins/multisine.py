@@ -12,7 +12,7 @@ from tests.multisine.test_simulated_multisine import LAWS, simulated
 from tests.pins import pinned, trees
 from tests.pins.grids import joint, joint_law
 from tests.pins.pinned import SWITCHED, Pin, Tree
-from tests.pins.trees import series
+from tests.pins.trees import parts, series
 
 NOISE = 0.01
 
@@ -33,13 +33,13 @@ def tree_of_spectra(read: rsgen.MultisineSpectra) -> Tree:
     """Lines, noise and what is derived from them."""
     force_noise, response_noise = read.noise()
     return {
-        "level": series(read.level, entries=1), "omega0": read.omega0, "periods": read.periods,
+        **parts(read, "omega0 periods mean_known", "exact"), **parts(read, "", "level", entries=1),
         "force": series(read.mean_force), "response": series(read.mean_response),
         "force_noise": series(force_noise, entries=1), "response_noise": series(response_noise, entries=1),
         "rms_force": series(read.rms_force(), entries=1),
         "rms_response": series(read.rms_response(), entries=1), "excited": series(read.excited()),
-        "reach": [series(part) for part in read.reach()], "exact": series(read.exact),
-        "left_out": series(read.left_out if read.left_out is not None else []), "mean_known": read.mean_known,
+        "reach": [series(part) for part in read.reach()],
+        "left_out": series(read.left_out if read.left_out is not None else []),
         "findings": trees.findings(read.findings),
     }  # fmt: skip
 
@@ -48,15 +48,14 @@ def tree_of_linear(one: BestLinear) -> Tree:
     """Receptance, noise, distortion, and the mode of one level."""
     scale = float(one.response.max())
     unexcited = {
-        name: {"response": series(part.response, scale, 1), "noise": series(part.noise, scale, 1)}
+        name: parts(part, "", "response noise", scale, 1)
         for name, part in (("even", one.even), ("odd", one.odd))
         if part is not None
     }
     return {
-        "level": one.level, "records": one.records, "receptance": series(one.receptance),
+        **parts(one, "level records natural_frequency damping_ratio stiffness mass rms", "receptance"),
         "response": series(one.response, entries=1), "noise_of_lines": series(one.noise, scale, 1),
         "distortion": series(one.distortion, scale, 1), **unexcited,
-        **{n: getattr(one, n) for n in ("natural_frequency", "damping_ratio", "stiffness", "mass", "rms")},
         "shares": {name: getattr(one, f"{name}_share") for name in ("distortion", "noise", "even", "odd")}
         | {"even_bound": one.even_bound, "odd_bound": one.odd_bound},
     }  # fmt: skip
@@ -93,14 +92,10 @@ def predicted(read: rsgen.MultisineSpectra, law: str, held: float) -> Tree:
     prediction = rsgen.predict(found)
     return {
         "records": [
-            {
-                "level": one.level, "measured": series(one.measured), "predicted": series(one.predicted),
-                "judged": series(one.judged), "error": one.error, "noise": one.noise,
-            }
-            for one in prediction.records
+            parts(one, "level error noise", "measured predicted judged") for one in prediction.records
         ],
         "findings": trees.findings(prediction.findings),
-    }  # fmt: skip
+    }
 
 
 def _blind() -> rsgen.MultisineSpectra:

@@ -11,7 +11,7 @@ from tests.pins import pinned, trees
 from tests.pins.controls import LAW, simulated
 from tests.pins.grids import NOISE, small
 from tests.pins.pinned import SWITCHED, Pin, Tree
-from tests.pins.trees import series
+from tests.pins.trees import parts, series
 from tests.surfaces import LAWS, MASS, noisy
 
 LEVELS = [2.0, 6.0]
@@ -21,9 +21,8 @@ def curve(one: ResonanceCurve) -> Tree:
     frequency = float(np.nanmax(one.frequency, initial=0.0))
     size = float(np.nanmax(one.amplitude, initial=0.0))
     return {
-        "level": one.level, "unit": one.level_unit, "frequency": series(one.frequency),
+        **parts(one, "level", "frequency stable extrapolated"), "unit": one.level_unit,
         "amplitude": series(one.amplitude, entries=4), "phase": series(one.phase, entries=0),
-        "stable": series(one.stable), "extrapolated": series(one.extrapolated),
         "lower": series(one.lower, size, 0), "upper": series(one.upper, size, 1),
         "folds": [
             {"frequency": series([f], frequency, 1), "amplitude": series([X], size, 1)}
@@ -34,10 +33,10 @@ def curve(one: ResonanceCurve) -> Tree:
 
 def held_out(one: HeldOutLevel) -> Tree:
     return {
-        "sweep": one.sweep, "units": [one.level_unit, one.force_unit],
-        **{name: getattr(one, name) for name in ("level", "force", "error", "largest_error", "missing")},
-        "measured": series(one.measured, entries=1), "predicted": series(one.predicted),
-    }  # fmt: skip
+        **parts(one, "sweep level force error largest_error missing", "predicted"),
+        "units": [one.level_unit, one.force_unit],
+        "measured": series(one.measured, entries=1),
+    }
 
 
 def tree(prediction: rsgen.Prediction) -> Tree:

@@ -37,14 +37,14 @@ def library(*names: str) -> list[rsgen.Law]:
 
 
 def tree(ranking: Ranking) -> Tree:
-    names = ("parameters", "bic", "held_out_error", "tied", "own")
+    names = "parameters bic held_out_error tied own"
     return {
         "order": [each.name for each in ranking],
         "candidates": {
-            each.name: {name: getattr(each, name) for name in names} | {"values": dict(each.values)}
+            each.name: trees.parts(each, names) | {"values": dict(each.values)}
             for each in ranking.candidates[:SHOWN]
         },
-        "fits": ranking.fits, "noise": ranking.noise, "unexplained": ranking.unexplained,
+        **trees.parts(ranking, "fits noise unexplained"),
         "parameters": list(ranking.model.parameters), "verdict": ranking.verdict.state,
         "findings": trees.findings(ranking.findings),
     }  # fmt: skip

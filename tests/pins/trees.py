@@ -40,6 +40,14 @@ def series(values: ArrayLike, scale: float | None = None, entries: int = ENTRIES
     }
 
 
+def parts(
+    of: Any, plain: str = "", arrays: str = "", scale: float | None = None, entries: int = ENTRIES
+) -> Tree:
+    """Attributes of a result by their names: numbers and texts as they are, arrays as ``series``."""
+    found = {name: getattr(of, name) for name in plain.split()}
+    return found | {name: series(getattr(of, name), scale, entries) for name in arrays.split()}
+
+
 def columns(harmonics: NDArray[Any], entries: int = ENTRIES) -> Tree:
     """The mean and three harmonics (n, H+1) one by one; all are compared to the fundamental."""
     scale = float(np.sqrt(np.nanmean(np.abs(harmonics[:, 1]) ** 2)))
@@ -57,10 +65,9 @@ def findings(found: Iterable[Finding]) -> Tree:
 
 def surface(table: rsgen.ResponseSurface) -> Tree:
     given = {
-        "level": series(table.level, entries=1), "frequency": series(table.frequency, entries=1),
-        "force": series(table.force, entries=1), "harmonics": columns(table.harmonics),
-        "peak": series(table.peak, entries=1), "sweep": series(table.sweep), "outcome": series(table.outcome),
-        "stable": series(table.stable), "findings": findings(table.findings),
+        **parts(table, "", "level frequency force peak", entries=1),
+        **parts(table, "", "sweep outcome stable"),
+        "harmonics": columns(table.harmonics), "findings": findings(table.findings),
         "words": [table.origin, table.control, table.base],
         "known": {"per_mass": table.per_mass, "phase": table.phase_known},
     }  # fmt: skip
@@ -100,8 +107,8 @@ def identification(found: rsgen.Identification) -> Tree:
     numbers = found.outcome.numbers
     beside = {} if found.background is None else {"background": background(found.background)}
     return {
-        "refined": estimates(found.refined), "residual": found.residual, "noise": found.noise,
-        "mass": found.mass, **beside, "verdict": found.verdict.state, "findings": findings(found.findings),
+        "refined": estimates(found.refined), **parts(found, "residual noise mass"), **beside,
+        "verdict": found.verdict.state, "findings": findings(found.findings),
         "outcome": " ".join(f"{name} {each.value:g}" for name, each in numbers.items() if name != "misfit"),
     }  # fmt: skip
 
@@ -115,25 +122,17 @@ def whole_identification(found: rsgen.Identification) -> Tree:
     """All parts of an identification, with resonances, equivalent curves and forces without a law."""
     tree = identification(found) | {
         "refined": estimates(found.refined, whole=True), "first_order": plain_estimates(found.first_order),
-        "paper": plain_estimates(found.paper), "levels": series(found.levels, entries=3),
+        "paper": plain_estimates(found.paper), "levels": series(found.levels),
         "amplitude_range": list(map(float, found.amplitude_range)),
         "frequency_range": list(map(float, found.frequency_range)),
-        "stiffness": series(found.curve.stiffness), "damping": series(found.curve.damping),
-        "used": series(found.curve.used), "correlation": series(_correlation(found.covariance)),
+        **parts(found.curve, "", "stiffness damping used"),
+        "correlation": series(_correlation(found.covariance)),
         "resonances": [
-            {
-                name: getattr(one, name)
-                for name in (
-                    "level", "frequency", "damping_ratio", "amplitude", "stiffness", "damping", "jump",
-                )
-            }
+            parts(one, "level frequency damping_ratio amplitude stiffness damping jump")
             for one in found.resonances[:3]
         ],
     }  # fmt: skip
-    if found.restoring is not None:
-        for name in ("stiffness_force", "damping_force"):
-            tree[name] = series(getattr(found.restoring, name), entries=3)
-    return tree
+    return tree | (parts(found.restoring, "", "stiffness_force damping_force") if found.restoring else {})
 
 
 def _correlation(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,7 +1,6 @@
 """A shaken base: transmissibility in closed form, parameters per unit mass, the case file, the page."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,36 +16,31 @@ LEVELS = {"displacement": [2e-5, 1e-4], "velocity": [2e-3, 1e-2], "acceleration"
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 
 
-def shaken(base: str, **options) -> rs.SimulatedTest:
-    grid = {"level": LEVELS[base], "frequency": np.linspace(11, 25, 40), "base": base, "accuracy": 1e-9}
-    return rs.SimulatedTest(**grid | options)
-
-
 @pytest.mark.parametrize("method", ["time", "harmonic-balance"])
 @pytest.mark.parametrize("base", LEVELS)
 def test_a_linear_structure_has_its_transmissibility(base, method):
     """z/x_b = omega^2/(omega_0^2 - omega^2 + 2 i zeta omega_0 omega), x_b from what of it is given."""
     oscillator = rs.Oscillator(MASS, "k*x + c*v", {"k": 2e4, "c": 4.0})
-    surface = rs.simulate(oscillator, shaken(base, method=method))
+    grid = {"level": LEVELS[base], "frequency": np.linspace(11, 25, 40), "accuracy": 1e-9}
+    surface = rs.simulate(oscillator, rs.SimulatedTest(**grid, base=base, method=method))
     omega = surface.omega
-    derivatives = {"displacement": 0, "velocity": 1, "acceleration": 2}[base]
-    of_base = surface.level / (1j * omega) ** derivatives
+    of_base = surface.level / (1j * omega) ** list(LEVELS).index(base)
     expected = of_base * omega**2 / (1e4 - omega**2 + 2j * omega)
     np.testing.assert_allclose(surface.harmonics[:, 1], expected, rtol=1e-8)
     np.testing.assert_allclose(surface.force, of_base * omega**2, rtol=1e-12)
     assert (surface.per_mass, surface.base, surface.level_unit) == (True, base, UNITS[base])
 
 
-def write(folder: Path, quantity: str = "displacement", **more: Any) -> Path:
+def case_of(folder: Path, quantity: str, levels: list[str], held: str) -> rs.Case:
     changes = {
-        **law(LAW, **TRUE), "system.mass": "2 kg", "test.level.values": ["20 um", "100 um"],
-        "test.base": {"quantity": quantity},
+        **law(LAW, **TRUE), "system.mass": "2 kg", "test.level.values": levels,
+        "test.base": {"quantity": quantity}, "identify": {"hold_out": [held]},
     }  # fmt: skip
-    return write_small(folder, "shaken", changes | more)
+    return rs.load_case(write_small(folder, "shaken", changes))
 
 
 def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
-    case = rs.load_case(write(tmp_path, identify={"hold_out": ["20 um"]}))
+    case = case_of(tmp_path, "displacement", ["20 um", "100 um"], "20 um")
     assert case.model.mass == MASS
     np.testing.assert_allclose(case.test.level, [2e-5, 1e-4])
     surface = obtain_table(case)
@@ -58,7 +52,6 @@ def test_a_case_knows_the_mass_beforehand_and_levels_in_their_unit(tmp_path):
 
 
 def test_g_is_the_gravity_where_an_acceleration_is_asked_for(tmp_path):
-    levels = {"test.level.values": ["0.1 g", "200 mg"], "identify": {"hold_out": ["0.2 g"]}}
-    case = rs.load_case(write(tmp_path, "acceleration", **levels))
+    case = case_of(tmp_path, "acceleration", ["0.1 g", "200 mg"], "0.2 g")
     np.testing.assert_allclose(case.test.level, [0.980665, 1.96133])
     assert case.observation.hold_out == pytest.approx((1.96133,))

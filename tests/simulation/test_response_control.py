@@ -27,23 +27,13 @@ def test_force_control_finds_the_same_motions(name, off):
     assert np.abs(free.harmonics[:, 1] / X[held.stable] - 1).max() < off
 
 
-MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 2.0}
-LAW = "k*x + k3*x**3 + c*v"
-LEVELS = np.linspace(3e-3, 6e-2, 24)
-
-
-@pytest.fixture(scope="module")
-def surface():
-    return rs.simulate(
-        rs.Oscillator(MASS, LAW, VALUES),
-        rs.SimulatedTest(
-            level=LEVELS, frequency=np.linspace(9.6, 10.8, 6), control="continuation", harmonics=9,
-            accuracy=1e-8,
-        ),
+def test_motions_are_unstable_where_more_of_them_needs_less_force():
+    test = rs.SimulatedTest(
+        level=np.linspace(3e-3, 6e-2, 24), frequency=np.linspace(9.6, 10.8, 6), control="continuation",
+        harmonics=9, accuracy=1e-8,
     )  # fmt: skip
-
-
-def test_motions_are_unstable_where_more_of_them_needs_less_force(surface):
+    hardening = rs.Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 5920.0, "k3": 3e5, "c": 2.0})
+    surface = rs.simulate(hardening, test)
     assert (surface.control, surface.level_unit) == ("continuation", "m")
     order = np.lexsort((surface.level, surface.frequency))
     force, stable = (part[order].reshape(6, 24) for part in (np.abs(surface.force), surface.stable))

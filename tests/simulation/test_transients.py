@@ -11,14 +11,14 @@ from tests.surfaces import codes
 
 MASS = 1.5
 CUBIC = rs.Oscillator(MASS, "k*x + kn*x**3 + c*v", {"k": 6000.0, "kn": 4e6, "c": 4.0})
+LIGHT = rs.Oscillator(MASS, CUBIC.elements, {**CUBIC.values, "c": 1.0})
 LAW = str(CUBIC.force)
 
 
 def test_a_linear_decay_has_frequency_and_damping_of_the_closed_form():
     c, k = 1.2, 6000.0
-    surface = rs.simulate(
-        rs.Oscillator(MASS, "k*x + c*v", {"k": k, "c": c}), rs.DecayTest([2e-3], duration=10, rate=400)
-    )
+    linear = rs.Oscillator(MASS, "k*x + c*v", {"k": k, "c": c})
+    surface = rs.simulate(linear, rs.DecayTest([2e-3], duration=10, rate=400))
     ratio = c / (2 * np.sqrt(k * MASS))
     # the frequency of the steady motion, which that of the decay is below by ratio^2/2
     np.testing.assert_allclose(surface.frequency, np.sqrt(k / MASS) / (2 * np.pi), rtol=1e-4)
@@ -41,9 +41,8 @@ def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind):
 
 @pytest.mark.slow
 def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted():
-    light = rs.Oscillator(MASS, CUBIC.elements, {**CUBIC.values, "c": 1.0})
     fast = rs.SweepTest([1, 2, 4], (8, 14), duration=3, rate=200, noise_relative=0.01)
-    found = rs.identify(rs.simulate(light, fast), LAW)
+    found = rs.identify(rs.simulate(LIGHT, fast), LAW)
     assert str(found.verdict) == "doubtful (sweep-rate)"
     sweep = rs.SweepTest([1, 2, 4], (8, 14), duration=60, rate=200, noise_relative=0.01)
     found = rs.identify(rs.simulate(CUBIC, sweep), LAW, mass=1.2 * MASS)
@@ -53,20 +52,19 @@ def test_too_fast_a_sweep_and_a_wrong_mass_are_doubted():
 
 @pytest.mark.thorough
 def test_errors_of_sweeps_and_decays_are_as_large_as_the_scatter():
-    free = rs.Oscillator(MASS, CUBIC.elements, {**CUBIC.values, "c": 1.0})
-    deviations: dict[str, list[np.ndarray]] = {"sweep": [], "decay": []}
+    deviations: dict[str, list[float]] = {"sweep": [], "decay": []}
     for seed in range(1, 21):
         noise: dict[str, Any] = {"noise_relative": 0.003, "seed": seed}
         sweep = rs.SweepTest([2, 4], (8, 14), duration=60, rate=200, sweep="up", **noise)
         decay = rs.DecayTest([12e-3, 24e-3], duration=20, rate=400, **noise)
-        for kind, truth, test, mass in (("sweep", CUBIC, sweep, None), ("decay", free, decay, MASS)):
+        for kind, truth, test, mass in (("sweep", CUBIC, sweep, None), ("decay", LIGHT, decay, MASS)):
             found = rs.identify(rs.simulate(truth, test), LAW, mass=mass)
             assert found.verdict.state == "identified"
             # by noise alone, without what terms that it hides would move
             known = zip(found.alternatives.names, found.alternatives.error, strict=True)
-            errors = {name: error for name, error in known if name != "m"}
-            missed = [(found[name].value - truth.values[name]) / error for name, error in errors.items()]
-            deviations[kind].append(np.array(missed))
+            deviations[kind] += [
+                (found[name].value - truth.values[name]) / error for name, error in known if name != "m"
+            ]
     inside = np.mean([np.abs(missed) < interval_sigmas() for missed in deviations.values()])
     size = {kind: float(np.sqrt(np.mean(np.square(missed)))) for kind, missed in deviations.items()}
     assert all(0.6 < rms < 1.4 for rms in size.values()), size

@@ -69,9 +69,8 @@ def test_located_switches_of_states_keep_the_fourth_order():
 
     def state(steps: int) -> np.ndarray:
         start = np.zeros((3, 24))
-        return kernel.integrate(
-            np.arange(24), start, F, omega, 2.0, values, steps=steps, periods=3
-        ).state[:2]  # fmt: skip
+        moved = kernel.integrate(np.arange(24), start, F, omega, 2.0, values, steps=steps, periods=3)
+        return moved.state[:2]
 
     exact = state(4096)
     coarse, fine = (np.median(np.linalg.norm(state(steps) - exact, axis=0)) for steps in (64, 256))
@@ -125,14 +124,11 @@ def test_a_step_of_nearly_singular_derivatives_does_not_leave_the_motion():
     }  # fmt: skip
     force, frequency = np.array([8.073327314165057 + 5.855121410488167j]), np.array([9.67142857142857])
     start = np.array([[0.02111058714225442, -0.002247404300963254]])
-    found = solve_steady_states(
-        Oscillator(1.4988616284270644, law, values), force, frequency, accuracy=3e-5, harmonics=31,
-        start=start,
-    )  # fmt: skip
+    joint = Oscillator(1.4988616284270644, law, values)
+    found = solve_steady_states(joint, force, frequency, accuracy=3e-5, harmonics=31, start=start)
     # below its limit the joint is a spring: with friction alone the motion is the same
     linear = {"Ff": values["Ff"], "c": values["c"], "k": values["k"] + values["Fs"] / values["xs"]}
-    same = solve_steady_states(
-        Oscillator(1.4988616284270644, "Ff*sign(v) + c*v + k*x", linear), force, frequency, accuracy=3e-5
-    )
+    spring = Oscillator(joint.mass, "Ff*sign(v) + c*v + k*x", linear)
+    same = solve_steady_states(spring, force, frequency, accuracy=3e-5)
     assert found.settled.all()
     assert found.harmonics[0, 1] == pytest.approx(same.harmonics[0, 1], rel=1e-4)

@@ -6,16 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen import Oscillator, load_case, make_element
+from rsgen import Oscillator, load_case
 from rsgen.dynamics.fixed_point import attraction, correction
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.formula.reading import parse
 from tests.oracles import events
 from tests.oracles.events import Law
 
 CASES = Path(__file__).parents[2] / "cases"
 ASKED = 1e-4  # what the main job promises on every case
 POINTS = 12
+
+
+def oscillator(law: str, mass: float = 1.5, **values: float) -> Oscillator:
+    return Oscillator(mass, law, values)
 
 
 def x_itself(x: float, v: float) -> float:
@@ -38,7 +43,6 @@ def _piecewise(c4: float, k4: float, k5: float, b: float) -> Law:
 # the laws once more, written by hand from the paper's equations (13) to (26)
 PAPER: dict[str, Callable[..., Law]] = {
     "cubic": lambda c1, k1, kn1: Law(lambda x, v, _: c1 * v + k1 * x + kn1 * x**3),
-    "cubic-hardening": lambda c1, k1, kn1: Law(lambda x, v, _: c1 * v + k1 * x + kn1 * x**3),
     "quintic": lambda c2, k2, kn2: Law(lambda x, v, _: c2 * v + k2 * x + kn2 * x**5),
     "coulomb": lambda c3, k3, Ff: Law(
         lambda x, v, modes: c3 * v + k3 * x + (Ff if modes[0] else -Ff), (v_itself,), 0
@@ -58,10 +62,6 @@ PAPER: dict[str, Callable[..., Law]] = {
         (x_itself, v_itself),
     ),
 }  # fmt: skip
-
-
-def oscillator(law: str, mass: float = 1.5, **values: float) -> Oscillator:
-    return Oscillator(mass, (make_element("all", law),), values)
 
 
 def worst(o, law, force, frequency, accuracy, harmonics=7) -> tuple[float, float, float]:
@@ -88,11 +88,11 @@ def worst(o, law, force, frequency, accuracy, harmonics=7) -> tuple[float, float
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PAPER)
+@pytest.mark.parametrize("name", [*PAPER, "cubic-hardening"])
 def test_cases_agree_with_dop853(name):
     case = load_case(CASES / f"{name}.toml")
     o, test = case.oscillator, case.test
-    law = PAPER[name](**o.values)
+    law = PAPER[name.removesuffix("-hardening")](**o.values)
     random = np.random.default_rng(11)
     force = random.choice(test.level, POINTS)
     frequency = random.choice(test.frequency, POINTS)
@@ -135,10 +135,6 @@ OTHERS = {
         oscillator("k*x + c*v + a*Max(x - g, 0)**1.5", k=3e3, c=4.0, a=1e5, g=1e-3),
         Law(lambda x, v, m: 3e3 * x + 4 * v + 1e5 * max(x - 1e-3, 0.0) ** 1.5, (lambda x, v: x - 1e-3,)),
     ),
-    "a saturating spring": (
-        oscillator("k*x + c*v + a*tanh(x/d)", k=3e3, c=4.0, a=2.0, d=1e-3),
-        Law(lambda x, v, m: 3e3 * x + 4 * v + 2 * np.tanh(x / 1e-3)),
-    ),
 }
 
 
@@ -169,7 +165,7 @@ def test_linear_oscillator_has_the_exact_receptance(accuracy):
 
 def _one_period_error(law: str, values: dict[str, float], state: list[float], steps: list[int]) -> np.ndarray:
     """Errors of one period of motion against one with many steps; fixed start, no fixed point involved."""
-    kernel = compile_kernel(make_element("all", law).force)
+    kernel = compile_kernel(parse(law))
     order = np.array([values[name] for name in kernel.parameters])
     F, omega = np.array([[6.0, 1.0]]), np.array([2 * np.pi * 9])
     y = np.array([[state[0]], [state[1] / omega[0]]])
@@ -189,10 +185,9 @@ def _one_period_error(law: str, values: dict[str, float], state: list[float], st
     ("c*v + k*x + Ff*sign(v)", {"c": 4.0, "k": 5e3, "Ff": 5.0}, [2e-4, 0.0]),
 ], ids=["smooth", "corner", "friction", "stick"])  # fmt: skip
 def test_convergence_is_of_fourth_order(law, values, state):
-    steps = [64, 128, 256, 512, 1024]
-    errors = _one_period_error(law, values, state, steps)
+    coarse, fine = _one_period_error(law, values, state, [64, 1024])
     # over all of the range: single halvings scatter with the place of the events within their steps
-    order = np.log(errors[0] / errors[-1]) / np.log(steps[-1] / steps[0])
+    order = np.log(coarse / fine) / np.log(16)
     assert 3.6 <= order <= 5.0
 
 
@@ -220,9 +215,8 @@ def test_period_two_is_recognised():
     states = solve_steady_states(o, np.full(60, 5.0), np.linspace(5, 16, 60))
     two = np.flatnonzero(states.outcome == 2)
     assert len(two)
-    kernel = compile_kernel(o.force)
+    kernel, omega = compile_kernel(o.force), 2 * np.pi * np.linspace(5, 16, 60)[two]
     values = np.array([o.values[name] for name in kernel.parameters])
-    omega = 2 * np.pi * np.linspace(5, 16, 60)[two]
     moved = kernel.integrate(
         np.arange(len(two)), np.zeros((2, len(two))), np.tile([5.0, 0.0], (len(two), 1)),
         omega, 1.5, values, steps=256, periods=3000,
