@@ -29,24 +29,15 @@ def test_a_series_is_its_sum_and_comes_back(orders, samples, half):
     assert series.complex(signal @ series.project) == pytest.approx(harmonics, abs=1e-13)
 
 
-def _motion() -> Motion:
-    harmonics = _random(4, (0, 1, 2, 3), 5)
-    return Motion(np.array([1.0, 2.0, 30.0, 400.0]), harmonics)
-
-
 def test_waveforms_are_the_sum_and_its_derivatives():
-    motion, samples = _motion(), 16
+    motion, samples = Motion(np.array([1.0, 2.0, 30.0, 400.0]), _random(4, (0, 1, 2, 3), 5)), 16
     time = motion.interval(samples) * np.arange(samples)
     for power, wave in enumerate(motion.waveforms(samples)):
         rate = 1j * motion.orders * motion.omega[:, None]
         phase = np.exp(1j * motion.orders[None, :, None] * motion.omega[:, None, None] * time[:, None, :])
         direct = ((motion.harmonics * rate**power)[:, :, None] * phase).real.sum(axis=1)
         assert wave == pytest.approx(direct, rel=1e-12, abs=1e-12 * np.abs(direct).max())
-
-
-def test_a_turn_is_a_shift_in_time():
-    motion, samples = _motion(), 16
-    # a quarter period of the fundamental is four of sixteen samples
+    # a turn is a shift in time: a quarter period of the fundamental is four of sixteen samples
     turned = motion.turned(np.full(4, np.pi / 2))
     for one, other in zip(turned.waveforms(samples), motion.waveforms(samples), strict=True):
         assert one == pytest.approx(np.roll(other, -4, axis=1), abs=1e-9 * np.abs(other).max())
