@@ -29,37 +29,24 @@ def _compiled(force: sympy.Expr, values: tuple[tuple[str, float], ...]) -> Calla
 
 
 @numba.njit
-def _step(n: Any, m: float, x: float, v: float, begin: float, middle: float, end: float, h: float):
-    """One step of Runge and Kutta; the force at its begin, middle and end."""
-    a1 = (begin - n(x, v)) / m
-    v2 = v + h / 2 * a1
-    a2 = (middle - n(x + h / 2 * v, v2)) / m
-    v3 = v + h / 2 * a2
-    a3 = (middle - n(x + h / 2 * v2, v3)) / m
-    v4 = v + h * a3
-    a4 = (end - n(x + h * v3, v4)) / m
-    return x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-
-
-@numba.njit
-def _integrate(n, m, F, f0, rate, logarithmic, h, keep, count) -> Any:
-    out = np.empty((count, 2))
+def _integrate(n: Any, m: float, force: Any, h: float, keep: int) -> Any:
+    """Runge and Kutta from rest: x at every ``keep``-th step, the force at ends and middles of steps."""
+    steps = len(force) // 2
+    out = np.empty(steps // keep + 1)
     x = v = 0.0
-
-    def force(t: float) -> float:
-        if logarithmic:
-            g = np.log(2.0) * rate
-            return F * np.cos(2 * np.pi * f0 / g * np.expm1(g * t))
-        return F * np.cos(2 * np.pi * t * (f0 + 0.5 * rate * t))
-
-    for i in range(count * keep):
-        t = i * h
-        begin = force(t)
+    for i in range(steps):
         if i % keep == 0:
-            out[i // keep, 0] = begin
-            out[i // keep, 1] = x
-        middle, end = force(t + h / 2), force(t + h)
-        x, v = _step(n, m, x, v, begin, middle, end, h)
+            out[i // keep] = x
+        begin, middle, end = force[2 * i], force[2 * i + 1], force[2 * i + 2]
+        a1 = (begin - n(x, v)) / m
+        v2 = v + h / 2 * a1
+        a2 = (middle - n(x + h / 2 * v, v2)) / m
+        v3 = v + h / 2 * a2
+        a3 = (middle - n(x + h / 2 * v2, v3)) / m
+        v4 = v + h * a3
+        a4 = (end - n(x + h * v3, v4)) / m
+        x, v = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4), v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    out[-1] = x
     return out
 
 
@@ -69,28 +56,19 @@ def sweep(oscillator: Oscillator, level: float, law: SweepLaw, stop: float, rate
     rate = rate or 32 * highest
     keep = max(1, int(np.ceil(STEPS * highest / rate)))
     count = int(law.time_of(stop) * rate)
-    table = _integrate(
-        compiled(oscillator), oscillator.mass, level, law.frequency, law.rate, law.kind == "logarithmic",
-        1 / (rate * keep), keep, count,
-    )  # fmt: skip
-    return TimeHistory(rate, table[:, 0].copy(), table[:, 1].copy(), level=level, label=f"{level:g} N")
-
-
-@numba.njit
-def _follow(n: Any, m: float, force: Any, h: float, fine: int) -> Any:
-    out = np.zeros(len(force))
-    x = v = 0.0
-    for i in range(len(force) - 1):
-        out[i] = x
-        step = (force[i + 1] - force[i]) / fine
-        for j in range(fine):
-            begin, middle, end = force[i] + j * step, force[i] + (j + 0.5) * step, force[i] + (j + 1) * step
-            x, v = _step(n, m, x, v, begin, middle, end, h)
-    out[-1] = x
-    return out
+    t = np.arange(2 * count * keep + 1) / (2 * rate * keep)
+    if law.kind == "logarithmic":
+        g = np.log(2.0) * law.rate
+        force = level * np.cos(2 * np.pi * law.frequency / g * np.expm1(g * t))
+    else:
+        force = level * np.cos(2 * np.pi * t * (law.frequency + 0.5 * law.rate * t))
+    x = _integrate(compiled(oscillator), oscillator.mass, force, 1 / (rate * keep), keep)[:count]
+    return TimeHistory(rate, force[: -1 : 2 * keep].copy(), x, level=level, label=f"{level:g} N")
 
 
 def driven(oscillator: Oscillator, force: np.ndarray, rate: float) -> np.ndarray:
     """Displacement under a force given by samples, straight lines between them."""
     fine = 8
-    return _follow(compiled(oscillator), oscillator.mass, np.asarray(force), 1 / rate / fine, fine)
+    places = np.arange(2 * fine * (len(force) - 1) + 1) / (2 * fine)
+    between = np.interp(places, np.arange(len(force)), np.asarray(force))
+    return _integrate(compiled(oscillator), oscillator.mass, between, 1 / rate / fine, fine)
