@@ -1,12 +1,9 @@
 """What all tables of pins share: numbers of a result as a tree, where two trees differ, how pins are kept.
 
-A tree is a nested dict of numbers, texts and lists. A number that is not finite is null, a complex one is a
-pair of real and imaginary part, an array some entries with its root mean square (``series``). A module has a
-table ``PINS`` of ``id -> Pin``, a file of the same name with the numbers, and a command,
-
-    python -m tests.pins.MODULE --renew "reason" id ...
-
-which computes these ids anew and writes the reason beside each.
+A tree is a nested dict of numbers, texts and lists: null for what is not finite, a pair for a complex number,
+for an array some entries and their root mean square (``trees.series``). A module has a table ``PINS`` of
+``id -> Pin`` and a file of the same name with the numbers; ``python -m tests.pins.MODULE --renew "reason" id
+...`` computes these ids anew and writes the reason with each.
 """
 
 import argparse
@@ -20,7 +17,6 @@ from typing import Any
 import rsgen
 
 Tree = Any
-"""A nested dict of numbers, texts, null and lists; as JSON has it."""
 
 
 @dataclass(frozen=True)

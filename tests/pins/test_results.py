@@ -5,31 +5,20 @@ and the reason beside them. A failing pin says which number became what.
 """
 
 from collections.abc import Iterator
-from types import ModuleType
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 from _pytest.mark import ParameterSet
 
-from tests.pins import (
-    controls,
-    histories,
-    identifications,
-    joints,
-    multisine,
-    names,
-    observations,
-    predictions,
-    ranking,
-)
-from tests.pins.pinned import Pin, changes, is_empty, numbers_file, read
+from tests.pins.pinned import Pin, changes, is_empty, read
 
-MODULES: tuple[ModuleType, ...] = (
-    identifications, ranking, multisine, controls, histories, joints, observations, predictions, names,
+NAMES = (
+    "identifications", "ranking", "multisine", "controls", "histories", "joints", "observations",
+    "predictions", "names",
 )  # fmt: skip
-TABLES: dict[str, dict[str, Pin]] = {module.__name__.rpartition(".")[2]: module.PINS for module in MODULES}
-NUMBERS = {
-    name: read(numbers_file(str(module.__file__))) for name, module in zip(TABLES, MODULES, strict=True)
-}
+TABLES: dict[str, dict[str, Pin]] = {name: import_module(f"tests.pins.{name}").PINS for name in NAMES}
+NUMBERS = {name: read(Path(__file__).with_name(f"{name}.json")) for name in NAMES}
 
 REFUSED = {"ranking": {"two-sensors/laws"}}
 """Tasks that rsgen refuses; another pin that is refused was made wrongly."""
