@@ -5,7 +5,6 @@
 words, and writes no report. The checkout is not touched.
 """
 
-import os
 import sys
 import tempfile
 import time
@@ -13,7 +12,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.faults.scratch import LIMIT, Ran, Scratch
+from tests.faults.scratch import Ran, Scratch
 from tests.faults.table import GROUPS, Fault, FaultError, load_faults
 
 ROOT = Path(__file__).parents[2]
@@ -103,5 +102,4 @@ def main(words: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("RSGEN_FAULTS_LIMIT", str(LIMIT))
     sys.exit(main(sys.argv[1:]))

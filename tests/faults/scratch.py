@@ -1,9 +1,14 @@
-"""A copy of the checkout in which one file at a time is faulty, and tests run in it."""
+"""A copy of the checkout in which one file at a time is faulty, and tests run in it.
+
+There this is a plugin of pytest: tests that fail are written to a file, which RSGEN_FAULTS_FAILED names;
+those that take too long are left out, not failed.
+"""
 
 from __future__ import annotations
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -11,6 +16,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
+
+import pytest
 
 from tests.faults.table import Fault, find_place
 
@@ -81,10 +88,25 @@ class Scratch:
         failed.write_text("", encoding="utf-8")
         environment = os.environ | {
             "PYTHONPATH": str(self.root), "RSGEN_CACHE": str(self.caches), "RSGEN_FAULTS_FAILED": str(failed),
-            "RSGEN_FAULTS_LIMIT": str(LIMIT),
         }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider"]
-        command += ["-p", "tests.faults.limit", *options, *tests]
+        command += ["-p", "tests.faults.scratch", *options, *tests]
         done = subprocess.run(command, cwd=self.root, env=environment, capture_output=True, text=True)
         broken = "" if done.returncode in (0, 1, 5) else (done.stdout + done.stderr).strip()[-500:]
         return Ran(tuple(dict.fromkeys(failed.read_text(encoding="utf-8").splitlines())), broken)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    signal.signal(signal.SIGALRM, lambda *_: pytest.skip(f"longer than {LIMIT:g} s"))
+    signal.setitimer(signal.ITIMER_REAL, LIMIT)
+    try:
+        return (yield)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if report.failed:
+        with Path(os.environ["RSGEN_FAULTS_FAILED"]).open("a", encoding="utf-8") as file:
+            file.write(f"{report.nodeid}\n")
