@@ -3,6 +3,7 @@
 A name that is gone or new fails the pin and is said; names.json has them sorted.
 """
 
+import io
 import json
 import os
 import tempfile
@@ -99,11 +100,8 @@ def result_names(kind: str) -> Tree:
 
 
 def _spectra_names() -> Tree:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "spectra.npz"
-        path.write_bytes(report_files("multisine")["spectra.npz"])
-        with np.load(path) as file:
-            return {"names": sorted(f"{name} {file[name].dtype.kind} {file[name].ndim}d" for name in file)}
+    with np.load(io.BytesIO(report_files("multisine")["spectra.npz"])) as file:
+        return {"names": sorted(f"{name} {file[name].dtype.kind} {file[name].ndim}d" for name in file)}
 
 
 Parts = tuple[rsgen.ResponseSurface | rsgen.MultisineSpectra, rsgen.Identification, rsgen.Case | None]
