@@ -31,7 +31,8 @@ JOINT = (
     " + 322*v + 7.8791e4*v*abs(v) - 4.3747e6*v**3 + 7.6782e7*v**3*abs(v)"
 )
 
-PAPER = (
+
+@pytest.mark.parametrize(("law", "stiffness", "damping"), [
     ("c1*v + k1*x + kn1*x**3", "k1 + 3/4*kn1*X**2", "c1"),
     ("c2*v + k2*x + kn2*x**5", "k2 + 5/8*kn2*X**4", "c2"),
     ("c3*v + k3*x + Ff*sign(v)", "k3", "c3 + 4*Ff/(pi*omega*X)"),
@@ -41,10 +42,7 @@ PAPER = (
         "7.244e5 - 8/(3*pi)*1.1770e10*X + 3/4*1.7613e14*X**2 - 32/(15*pi)*1.4568e18*X**3 + 5/8*4.697e21*X**4",
         "322 + 8/(3*pi)*7.8791e4*omega*X - 3/4*4.3747e6*(omega*X)**2 + 32/(15*pi)*7.6782e7*(omega*X)**3",
     ),
-)
-
-
-@pytest.mark.parametrize(("law", "stiffness", "damping"), PAPER)
+])  # fmt: skip
 def test_paper_comes_out_symbolically(law, stiffness, damping):
     derived = derive(law)
     assert sympy.expand(derived.stiffness - parse(stiffness)) == 0
@@ -104,7 +102,15 @@ def test_evaluate_broadcasts_and_takes_a_mean():
     assert abs(at_mean.stiffness - (1 + 2 * (0.75 + 3 * 0.25))) < 1e-12
 
 
-ENGINEER = (
+def errors_of(law, values, X, omega, mean, stiffness, damping):
+    """Give errors of what was found for the text of a law by the quadrature of the oracle."""
+    force = compiled((parse(law),), tuple(map(symbol, ("x", "v", *values))))
+    numbers = float(mean), omega, float(stiffness), float(damping)
+    return relative_errors(lambda x, v: force(x, v, *values.values())[0], X, *numbers)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [
     "k*x + (Fc + (Fs - Fc)*exp(-abs(v)/vs))*sign(v) + c*v", "k*x + kc*Max(0, x - b)",
     "k*x + kc*Max(0, x - b)**1.5", "k*x + kc*Max(0, x + b)**1.5 - F0",
     "k*x + ks*(Max(0, x - b1) + Min(0, x + b2))", "x**2 + x + x**3",
@@ -114,18 +120,7 @@ ENGINEER = (
     "k*x + g*exp(a*x)", "k*(x + x**3)*sign(v) + x", "k*x + k2*x*cos(x)**2", "k*sinh(x/a)*cosh(x/a)",
     "k*x - F/(4 - x)**2", "k*x + F*Heaviside(v - 2*x**2 - 0.9)",
     "k*x + Piecewise((F, x*x > v), (3*v, True))",
-)  # fmt: skip
-
-
-def errors_of(law, values, X, omega, mean, stiffness, damping):
-    """Give errors of what was found for the text of a law by the quadrature of the oracle."""
-    force = compiled((parse(law),), tuple(map(symbol, ("x", "v", *values))))
-    numbers = float(mean), omega, float(stiffness), float(damping)
-    return relative_errors(lambda x, v: force(x, v, *values.values())[0], X, *numbers)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("law", ENGINEER)
+])  # fmt: skip
 def test_laws_of_engineers_agree_with_quadrature(law):
     derived = derive(law)
     rng = np.random.default_rng(3)
@@ -189,10 +184,6 @@ def test_random_laws(law, signs):
         assert errors is None or errors[0] < AGREES, (law, values, X, errors)
 
 
-CLOSE = 1e-12  # of the amplitude; the quadrature of the mean force has 1e-13
-EDGE = 1e-6  # the force leaves the range with power 3/2, so that its edge is known to fewer digits
-
-
 @pytest.mark.parametrize(("law", "values"), [
     ("k*x + k2*x**2 + F*tanh(x/a)", {"k": 1.0, "k2": 0.1, "F": 1.0, "a": 1.0}),
     ("Piecewise((k1*x, x > 0), (k2*x, True))", {"k1": 1.0, "k2": 2.0}),
@@ -201,14 +192,16 @@ EDGE = 1e-6  # the force leaves the range with power 3/2, so that its edge is kn
 def test_means_of_many_amplitudes_balance_as_those_of_few(law, values):
     derived, X = derive(law), np.geomspace(0.01, 2, 3000)
     many, few = (derived.evaluate(some, 1.0, values).mean for some in (X, X[::97]))
-    np.testing.assert_allclose(many[::97] / X[::97], few / X[::97], rtol=0, atol=CLOSE)
+    # the quadrature of the mean force has 1e-13 of the amplitude
+    np.testing.assert_allclose(many[::97] / X[::97], few / X[::97], rtol=0, atol=1e-12)
 
 
 def test_of_a_range_of_means_the_edge_next_to_rest_counts():
     # free between 1 and 3: a cycle of 0.5 pushes nowhere while its mean is between 1.5 and 2.5
     derived = derive("k*Max(0, x - b) + k*Min(0, x - d)")
     mean = derived.evaluate(0.5, 1.0, {"k": 2.0, "b": 3.0, "d": 1.0}).mean
-    assert abs(mean - 1.5) < EDGE
+    # the force leaves the range with power 3/2, so that its edge is known to fewer digits
+    assert abs(mean - 1.5) < 1e-6
 
 
 def test_of_several_places_of_rest_the_nearest_counts():
@@ -226,9 +219,6 @@ def test_the_mean_of_a_state_counts_as_that_of_a_spring():
     assert mean == pytest.approx((-2 + np.sqrt(4 - 2 * 0.3**2)) / 2, rel=1e-8)
 
 
-ZERO = 1e-12  # of a switch function of size one
-
-
 @pytest.mark.parametrize("function", ["a*x - b*v + 0.2", "x*x + b*v - a", "x - b", "v + b"])
 def test_switch_functions_vanish_where_a_cycle_is_split(function):
     law = parse(f"sign({function})")
@@ -242,16 +232,13 @@ def test_switch_functions_vanish_where_a_cycle_is_split(function):
     (level,) = evaluate(x, v, *(p[:, None] for p in values))
     assert angles.shape[1] >= 2
     # rows with fewer crossings than others are filled up with the bottom of the cycle
-    assert np.abs(level[angles != -np.pi / 2]).max() < ZERO
-
-
-# the fault is put into one integral; the law is in no other test, for derivations are remembered
-LAW = "2.75*k*abs(x)**p*sign(x)"
+    assert np.abs(level[angles != -np.pi / 2]).max() < 1e-12
 
 
 def test_wrong_form_is_found_and_not_used(monkeypatch):
+    # the fault is put into one integral; the law is in no other test, for derivations are remembered
     monkeypatch.setattr(terms, "over_quarters", lambda *where: over_quarters(*where) * (1 + parse("1e-9")))
-    derived = derive(LAW)
+    derived = derive("2.75*k*abs(x)**p*sign(x)")
     assert not derived.closed_form
     assert derived.checked_to is None
     assert any("differs from quadrature by" in remark for remark in derived.remarks)

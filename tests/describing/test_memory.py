@@ -23,8 +23,8 @@ IWAN4 = (
     "(R*xm**(chi + 2)/(chi + 2) + S*xm, True))"
 )
 
-# virgin curve, values, closed
-CURVES = (
+
+@pytest.mark.parametrize(("virgin", "values", "closed"), [
     ("Min(kt*x, Fs)", {"kt": 3.0, "Fs": 1.5}, True), ("K*x - R*x**p", {"K": 3.0, "R": 0.4, "p": 1.37}, True),
     ("k1*x + k3*x**3 - k5*x**5", {"k1": 2.0, "k3": 0.3, "k5": 0.01}, True),
     ("Piecewise((K*x - K*x**2/(4*xs), x < 2*xs), (K*xs, True))", {"K": 4.0, "xs": 0.3}, True),
@@ -35,10 +35,7 @@ CURVES = (
     ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, False), ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, False),
     ("Piecewise((K*x - R*x**1.5, x < b), (K*b - R*b**1.5, True))", {"K": 3.0, "R": 1.0, "b": 0.8}, True),
     (IWAN4, {"R": 2.0, "S": 0.7, "chi": -0.4, "xm": 0.9}, False),
-)  # fmt: skip
-
-
-@pytest.mark.parametrize(("virgin", "values", "closed"), CURVES)
+])  # fmt: skip
 def test_masing_laws_against_a_loop_stepped_through_time(virgin, values, closed):
     derived = derive(f"masing({virgin})")
     assert derived.closed_form is closed
@@ -115,11 +112,11 @@ def test_dahl_and_maxwell_against_their_closed_solutions():
     np.testing.assert_allclose(found.damping, 3 * 1.4 / (OMEGA**2 + 1.4**2), rtol=1e-10)
 
 
-REMEMBERING = [law for law in laws if remembers(law.force) and law.name != "structural"]
-
-
-@pytest.mark.parametrize("law", REMEMBERING, ids=lambda law: law.name)
-def test_laws_of_the_library_against_their_loops(law):
+@pytest.mark.parametrize(
+    "name", [law.name for law in laws if remembers(law.force) and law.name != "structural"]
+)
+def test_laws_of_the_library_against_their_loops(name):
+    law = laws[name]
     derived = derive(law)
     assert law.parameters == derived.parameters
     assert law.added.free_symbols if law.search else True

@@ -23,8 +23,10 @@ IWAN4 = (
     "(b**(q + 2)/(q + 2), True)))"
 )
 
-# law, equations of its states, and what is said of it: names of parameters as words, groups of them as a list
-TABLE = [
+
+# what is said: names of parameters as words, groups of them as a list
+@pytest.mark.slow
+@pytest.mark.parametrize(("text", "memory", "expected"), [
     ("k*x + kn*x**3 + c*v", {}, {"linear": "c k kn", "odd": True, "rough": False, "jumps": False}),
     ("k*x + Ff*sign(v)", {}, {"linear": "Ff k", "odd": True, "rough": True, "jumps": True}),
     (
@@ -80,11 +82,7 @@ TABLE = [
     ("masing(Min(1500*x, F1)) + masing(Min(1500*x, F2))", {}, {"positive": "F1 F2"}),
     ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}), ("masing(F*tanh(k*x/F))", {}, {"positive": "k"}),
     (f"R*{IWAN4}", {}, {"positive": "b"}),
-]  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("text", "memory", "expected"), TABLE)
+])  # fmt: skip
 def test_what_kind_of_law_it_is(text, memory, expected):
     force = with_memory(parse(text), memory) if memory else parse(text)
     kind = character(force)

@@ -145,9 +145,6 @@ def test_the_force_along_a_harmonic_motion_is_the_describing_function(law):
     assert known.any()
 
 
-SERIES = [((1, 0, 2, 3), 64, False), ((0, 1, 2), 32, False), ((1, 3, 5, 7), 64, True), ((1,), 64, True)]
-
-
 def _random(count: int, orders: tuple[int, ...], seed: int) -> np.ndarray:
     values = np.random.default_rng(seed).normal(size=(2, count, len(orders)))
     harmonics = values[0] + 1j * values[1]
@@ -155,7 +152,9 @@ def _random(count: int, orders: tuple[int, ...], seed: int) -> np.ndarray:
     return harmonics
 
 
-@pytest.mark.parametrize(("orders", "samples", "half"), SERIES)
+@pytest.mark.parametrize(("orders", "samples", "half"), [
+    ((1, 0, 2, 3), 64, False), ((0, 1, 2), 32, False), ((1, 3, 5, 7), 64, True), ((1,), 64, True),
+])  # fmt: skip
 def test_a_series_is_its_sum_and_comes_back(orders, samples, half):
     series = fourier_series(orders, samples, half)
     harmonics = _random(5, orders, 1)
