@@ -11,14 +11,12 @@ from importlib import import_module
 from pathlib import Path
 
 from rsgen.common.output import write_atomic
-from tests.attacks.program import Row, print_rows
+from tests.attacks.program import print_rows
 
+# the modules, in the order of the table, and how often each attack is made
 COUNTS = {
-    "kills": 300, "cache": 30, "readers": 5000, "expressions": 20_000, "cases": 10_000,
-    "surroundings": 60,
+    "kills": 300, "cache": 30, "readers": 5000, "expressions": 20_000, "cases": 10_000, "surroundings": 60,
 }  # fmt: skip
-"""The modules, in the order of the table, and how often each attack is made."""
-
 TABLE = Path(__file__).parents[2] / "reports" / "attacks.md"
 
 HEAD = """\
@@ -38,22 +36,12 @@ def sections(text: str) -> dict[str, str]:
 
 def section(module: str, rows: Sequence[Mapping[str, str]], seed: int, minutes: float) -> str:
     about = (import_module(f"tests.attacks.{module}").__doc__ or "").strip().splitlines()[0]
-    head = f"{module}: {about[0].lower()}{about[1:]}\n\nSeed {seed}; {minutes:.1f} minutes.\n\n"
-    lines = [
-        " | ".join(cell.replace("|", "/").replace("\n", " ") for cell in line)
-        for line in (
-            ("figure", "asked", "measured"),
-            ("---", "---", "---"),
-            *((row["figure"], row["asked"], row["measured"]) for row in rows),
-        )
-    ]
-    return head + "".join(f"| {line} |\n" for line in lines)
-
-
-def attack(module: str, count: int, seed: int) -> tuple[list[Row], str]:
-    started = time.monotonic()
-    rows: list[Row] = import_module(f"tests.attacks.{module}").run(count, seed)
-    return rows, section(module, rows, seed, (time.monotonic() - started) / 60)
+    text = f"{module}: {about[0].lower()}{about[1:]}\n\nSeed {seed}; {minutes:.1f} minutes.\n\n"
+    columns = ("figure", "asked", "measured")
+    for line in (columns, ("---",) * 3, *([row[name] for name in columns] for row in rows)):
+        cells = (cell.replace("|", "/").replace("\n", " ") for cell in line)
+        text += f"| {' | '.join(cells)} |\n"
+    return text
 
 
 def main(argv: Sequence[str]) -> int:
@@ -61,16 +49,15 @@ def main(argv: Sequence[str]) -> int:
     wanted = dict(COUNTS)
     if argv:
         named = dict(word.partition("=")[::2] for word in argv)
-        unknown = named.keys() - COUNTS.keys()
-        if unknown:
-            print(
-                f"{', '.join(sorted(unknown))}: no such attack; allowed: {', '.join(COUNTS)}", file=sys.stderr
-            )
+        if unknown := ", ".join(sorted(named.keys() - COUNTS.keys())):
+            print(f"{unknown}: no such attack; allowed: {', '.join(COUNTS)}", file=sys.stderr)
             return 2
         wanted = {module: int(named[module] or COUNTS[module]) for module in named}
     code = 0
     for module, count in wanted.items():
-        rows, text = attack(module, count, seed=1)
+        started = time.monotonic()
+        rows = import_module(f"tests.attacks.{module}").run(count, seed=1)
+        text = section(module, rows, seed=1, minutes=(time.monotonic() - started) / 60)
         code |= print_rows(rows)
         # each at once: an attack that ends the machine leaves what was known before
         found = sections(TABLE.read_text(encoding="utf-8") if TABLE.exists() else "") | {module: text}

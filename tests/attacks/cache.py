@@ -6,7 +6,6 @@
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from rsgen.dynamics.kernel_source import generate
 from rsgen.formula.reading import parse
 from tests.attacks.program import HANG_SECONDS, Row, environment, row, temporary
 from tests.kernel.test_store import DAMAGES, WAYS, WAYS_OF_ROOT, Planted
+from tests.programs import python
 
 LAW, OTHER_LAW = "c*v + k*x", "c*v + 3*k*x"
 
@@ -31,16 +31,11 @@ print(state.tobytes().hex())
 """
 """A period of one oscillator, by a kernel from the cache if one can be trusted there."""
 
-_SECONDS = HANG_SECONDS
-
 
 def _numbers(place: Path) -> str:
-    """Integrate in a new process; give the bits of the result, or what came instead."""
+    """Integrate in a new process; return the bits of the result, or what came instead."""
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False, timeout=_SECONDS,
-            env=environment(place),
-        )  # fmt: skip
+        done = python("-c", PROGRAM, timeout=HANG_SECONDS, env=environment(place))
     except subprocess.TimeoutExpired:
         return "hung"
     return done.stdout if done.returncode == 0 else f"ended with {done.returncode}: {done.stderr[-200:]}"

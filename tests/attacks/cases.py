@@ -24,12 +24,10 @@ ROOT = Path(__file__).parents[2] / "cases"
 CASES = tuple(sorted([*ROOT.glob("*.toml"), *(ROOT / "formats").glob("*.toml")]))
 VALUES = (
     "0", "-1", "1e999", "nan", "inf", "9" * 400, "true", '""', '"x"', "[]", "{}", "[[[[]]]]", "1979-05-27",
-    "'1 kg'",
-    "'5 N/m/m/m/m'", "'1e400 kg'", "'" + "m" * 3000 + "'", "'../../etc/passwd'",
-    "'/dev/zero'", '"\\u202e"', "[1, 'a']",
-    "{ start = 1, stop = 2, count = 1000000000 }",
-    "{ start = 1, stop = 2, step = 1e-300 }", "[" * 900 + "]" * 900,
-    "'m^999999'", "'kg**1e9'", "'" + "(" * 3000 + "'",
+    "'1 kg'", "'5 N/m/m/m/m'", "'1e400 kg'", "'" + "m" * 3000 + "'", "'../../etc/passwd'", "'/dev/zero'",
+    '"\\u202e"', "[1, 'a']", "{ start = 1, stop = 2, count = 1000000000 }",
+    "{ start = 1, stop = 2, step = 1e-300 }", "[" * 900 + "]" * 900, "'m^999999'", "'kg**1e9'",
+    "'" + "(" * 3000 + "'",
 )  # fmt: skip
 
 
@@ -66,16 +64,13 @@ def line_gone(text: str, rng: Generator) -> str:
 def many_tables(text: str, rng: Generator) -> str:
     """Thousands of tables or keys, or a key of great depth."""
     count = int(10 ** rng.uniform(1, 4))
-    kind = int(rng.integers(4))
-    if kind == 0:
-        return text + "".join(
-            f'\n[[element]]\nname = "e{i}"\nforce = "k{i}*x"\n' for i in range(min(count, 2000))
-        )
-    if kind == 1:
-        return text + "\n[truth]\n" + "".join(f"p{i} = {i}\n" for i in range(count))
-    if kind == 2:
-        return text + "\n[" + ".".join(["a"] * count) + "]\n"
-    return ".".join(["a"] * count) + " = 1\n" + text
+    element, deep = '\n[[element]]\nname = "e{0}"\nforce = "k{0}*x"\n', ".".join(["a"] * count)
+    return (
+        text + "".join(map(element.format, range(min(count, 2000)))),
+        text + "\n[truth]\n" + "".join(f"p{i} = {i}\n" for i in range(count)),
+        f"{text}\n[{deep}]\n",
+        f"{deep} = 1\n{text}",
+    )[int(rng.integers(4))]
 
 
 def damaged(text: str, rng: Generator) -> bytes:

@@ -7,46 +7,37 @@ import os
 import signal
 import sys
 import time
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-WALL_SECONDS = 180.0
-"""An attempt without an answer for so long hangs, whatever it does meanwhile."""
-RENEWED = 400
-"""Attempts after which a child is replaced: caches grow, and what one attempt takes must stay visible."""
-_LOOP = 2_000_000
-"""Steps of a loop that shows the speed of a machine at the moment."""
-_LOOP_SECONDS = 0.115
-"""What it took on the machine on which the seconds of the promises were measured."""
-_STATUS = Path("/proc/self/status")
-_CLEAR = Path("/proc/self/clear_refs")
+WALL_SECONDS = 180.0  # an attempt without an answer for so long hangs, whatever it does meanwhile
+RENEWED = 400  # attempts after which a child is replaced, so that growing caches do not hide what one takes
+_LOOP = 2_000_000  # steps of a loop that shows the speed of a machine at the moment
+_LOOP_SECONDS = 0.115  # what it took on the machine on which the seconds of the promises were measured
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One attempt: its number and name, what it came to, seconds of work, MB above the start.
-
-    ``said`` begins with "result", "refused", "crash" or "hang".
-    """
+    """One attempt: its number and name, what it came to, seconds of work, MB above the start."""
 
     number: int
     name: str
-    said: str
+    said: str  # begins with "result", "refused", "crash" or "hang"
     seconds: float = 0.0
     megabytes: float = 0.0
 
 
 def _peak(key: str) -> float:
-    """Give a figure of this process in MB; 0 where the system does not say."""
+    """Return a figure of this process in MB; 0 where the system does not say."""
     with suppress(OSError):
-        for line in _STATUS.read_text(encoding="ascii").splitlines():
-            if line.startswith(key):
-                return int(line.split()[1]) / 1024
+        lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+        return next(int(line.split()[1]) / 1024 for line in lines if line.startswith(key))
     return 0.0
 
 
@@ -55,10 +46,8 @@ def _worked() -> float:
 
 
 def _children() -> float:
-    try:
-        import resource
-    except ImportError:
-        return 0.0
+    import resource  # which Windows lacks
+
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
@@ -67,15 +56,13 @@ def measured(number: int, name: str, attempt: Callable[[], str]) -> Outcome:
     gc.collect()
     with suppress(OSError):
         # the highest mark of this process begins anew
-        _CLEAR.write_text("5", encoding="ascii")
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
     base, children, begun = _peak("VmRSS"), _children(), _worked()
     try:
         said = attempt()
     except Exception as error:
-        last = error.__traceback__
-        while last is not None and last.tb_next is not None:
-            last = last.tb_next
-        place = f"{Path(last.tb_frame.f_code.co_filename).name}:{last.tb_lineno}" if last else ""
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{Path(last.filename).name}:{last.lineno}"
         said = f"crash {type(error).__name__} at {place}: {' '.join(str(error).split())[:160]}"
     worked = _worked() - begun
     # children that read files are gone by now; their peak counts where it is a new one
@@ -161,43 +148,22 @@ def judged(outcome: Outcome, seconds: float, megabytes: float) -> Outcome:
     return outcome
 
 
-@dataclass
-class Tally:
-    """How many outcomes there were of each kind, and the most that one took."""
-
-    kinds: Counter[str] = field(default_factory=Counter)
-    slowest: float = 0.0
-    largest: float = 0.0
-
-    @property
-    def text(self) -> str:
-        """What did no harm, and the most that one took."""
-        refused = self.kinds["refused"]
-        return f"({refused} refused, slowest {self.slowest:.1f} s, at most {self.largest:.0f} MB)"
-
-
 def kind_of(outcome: Outcome) -> str:
     return outcome.said.split()[0].rstrip(":")
 
 
-def tally(outcomes: Iterable[Outcome], kind: Callable[[Outcome], str] = kind_of) -> Tally:
-    found = Tally()
-    for outcome in outcomes:
+def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Outcome], str] = kind_of):
+    """Make attacks of a module in children; return the row of what got through, and how many of each kind."""
+    found, slowest, largest = Counter[str](), 0.0, 0.0
+    for outcome in attempts(module, seed, range(count)):
         if kind_of(outcome) not in ("result", "refused"):
             print(f"{outcome.number}: {outcome.name}: {outcome.said}", file=sys.stderr, flush=True)
-        found.kinds[kind(outcome)] += 1
-        found.slowest = max(found.slowest, outcome.seconds)
-        found.largest = max(found.largest, outcome.megabytes)
-    return found
-
-
-def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Outcome], str] = kind_of):
-    """Make attacks of a module in children; return the row of what got through, and the tally."""
-    found = tally(attempts(module, seed, range(count)), kind)
+        found[kind(outcome)] += 1
+        slowest, largest = max(slowest, outcome.seconds), max(largest, outcome.megabytes)
     kinds = ["crash", "hang", *(["outside"] if "outside" in figure else []), "memory"]
-    numbers = ", ".join(str(found.kinds[name]) for name in kinds)
-    asked = ", ".join("0" for _ in kinds)
-    return {"figure": f"{count} {figure}", "asked": asked, "measured": f"{numbers} {found.text}"}, found
+    text = f"({found['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)"
+    measured = f"{', '.join(str(found[name]) for name in kinds)} {text}"
+    return {"figure": f"{count} {figure}", "asked": ", ".join("0" * len(kinds)), "measured": measured}, found
 
 
 def command(attack, content=lambda number, seed: "") -> None:

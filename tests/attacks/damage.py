@@ -11,8 +11,7 @@ from numpy.random import Generator
 
 Damage = Callable[[bytes, Generator], bytes]
 EXTREMES = (0, 1, -1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, -(2**63))
-HEAD = 2048
-"""Most of what a format declares stands before this byte."""
+HEAD = 2048  # most of what a format declares stands before this byte
 
 
 def _place(content: bytes, rng: Generator) -> int:
@@ -75,13 +74,8 @@ def exchanged(content: bytes, rng: Generator) -> bytes:
     """Two blocks in each other's place."""
     a, b = sorted(_place(content, rng) for _ in range(2))
     size = min(int(rng.integers(1, 256)), max(1, b - a))
-    return (
-        content[:a]
-        + content[b : b + size]
-        + content[a + size : b]
-        + content[a : a + size]
-        + content[b + size :]
-    )
+    first, second = content[a : a + size], content[b : b + size]
+    return content[:a] + second + content[a + size : b] + first + content[b + size :]
 
 
 def extreme_number(content: bytes, rng: Generator) -> bytes:
@@ -91,8 +85,7 @@ def extreme_number(content: bytes, rng: Generator) -> bytes:
         width, order = int(rng.choice([2, 4, 8])), str(rng.choice(["<", ">"]))
         value = EXTREMES[int(rng.integers(len(EXTREMES)))] % 2 ** (8 * width)
         place = _place(content, rng)
-        packed = struct.pack(order + {2: "H", 4: "I", 8: "Q"}[width], value)
-        changed[place : place + width] = packed
+        changed[place : place + width] = struct.pack(order + {2: "H", 4: "I", 8: "Q"}[width], value)
     return bytes(changed)
 
 
@@ -102,10 +95,8 @@ def extreme_digits(content: bytes, rng: Generator) -> bytes:
     if not places:
         return flip_bits(content, rng)
     place = places[int(rng.integers(len(places)))]
-    number = [b"-1", b"1e999", b"9" * 40, b"0" * 5000, b"9" * 200_000, b"nan", b"0x10", b"1_0"][
-        int(rng.integers(8))
-    ]
-    return content[:place] + number + content[place + 1 :]
+    numbers = [b"-1", b"1e999", b"9" * 40, b"0" * 5000, b"9" * 200_000, b"nan", b"0x10", b"1_0"]
+    return content[:place] + numbers[int(rng.integers(8))] + content[place + 1 :]
 
 
 DAMAGE: tuple[Damage, ...] = (
@@ -132,15 +123,20 @@ def in_archive(content: bytes, rng: Generator) -> bytes:
     return _flipped(content, spans, rng)
 
 
-def in_variable(content: bytes, rng: Generator) -> bytes:
-    """A bit in a packed variable of a MAT file, which Adler-32 guards."""
+def _variables(content: bytes) -> list[tuple[int, int]]:
+    """Start and size of every packed variable of a MAT file."""
     spans, place = [], 128
     while place < len(content):
         kind, size = struct.unpack("<II", content[place : place + 8])
         assert kind == 15
         spans.append((place + 8, size))
         place += 8 + size
-    return _flipped(content, spans, rng)
+    return spans
+
+
+def in_variable(content: bytes, rng: Generator) -> bytes:
+    """A bit in a packed variable of a MAT file, which Adler-32 guards."""
+    return _flipped(content, _variables(content), rng)
 
 
 def in_chunk(content: bytes, rng: Generator) -> bytes:
@@ -156,12 +152,7 @@ def in_chunk(content: bytes, rng: Generator) -> bytes:
 
 def false_checksum(content: bytes, rng: Generator) -> bytes:
     """The numbers of a packed variable are others, packed well, with the check of the old ones behind."""
-    place = 128
-    parts = []
-    while place < len(content):
-        _, size = struct.unpack("<II", content[place : place + 8])
-        parts.append(content[place + 8 : place + 8 + size])
-        place += 8 + size
+    parts = [content[start : start + size] for start, size in _variables(content)]
     number = int(rng.integers(len(parts)))
     inner = bytearray(zlib.decompress(parts[number]))
     inner[-1 - int(rng.integers(min(8, len(inner) // 2)))] ^= 0x10

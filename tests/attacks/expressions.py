@@ -15,11 +15,9 @@ from rsgen.formula.unit_deduction import parameter_units
 from tests.attacks.child import Outcome, attacked, command, judged, measured
 from tests.attacks.texts import TEXTS, grown
 
-SECONDS = 5.0
-"""Work allowed until a text has its answer, on the machine of ``allowed``."""
+SECONDS = 5.0  # work allowed until a text has its answer, on the machine of ``allowed``
 MEGABYTES = 1024.0
-LONGEST = 10_000
-"""Characters of a refusal, which may quote a formula of 2000 several times."""
+LONGEST = 10_000  # characters of a refusal, which may quote a formula of 2000 several times
 
 
 def text_of(number: int, seed: int) -> tuple[str, str]:
@@ -48,12 +46,9 @@ def answer(text: str, memory: Sequence[str] = ()) -> str:
             parameter_units(make_element("law", text, read_memory(memory)).force)
         except RsgenError as fault:
             sentence = str(fault)
-            plain = len(sentence) < LONGEST and sentence.replace("\n", " ").isprintable()
-            return (
-                f"refused: {sentence}"
-                if plain
-                else f"crash: a refusal that is no sentence: {sentence[:80]!r}"
-            )
+            if len(sentence) < LONGEST and sentence.replace("\n", " ").isprintable():
+                return f"refused: {sentence}"
+            return f"crash: a refusal that is no sentence: {sentence[:80]!r}"
     return "result"
 
 

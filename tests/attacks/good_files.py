@@ -22,10 +22,9 @@ ENDINGS = {
 ENDINGS |= {
     form: f".{form}" for form, package in (("tdms", "nptdms"), ("xlsx", "openpyxl")) if find_spec(package)
 }
+# what stands before the names of the table's columns, and of the history's
 _BEFORE = {"lvm": ("1/", "2/"), "tdms": ("table/", "record/"), "xlsx": ("table/", "record/")}
-"""What stands before the names of the table's columns, and of the history's."""
-ROWS = 40
-SAMPLES = 1200
+ROWS, SAMPLES = 40, 1200
 
 
 def arrays() -> dict[str, np.ndarray[Any, Any]]:
@@ -72,9 +71,7 @@ def _hdf5(parts: dict[str, np.ndarray[Any, Any]]) -> bytes:
 
 def _surface(folder: Path) -> bytes:
     parts = arrays()
-    surface = ResponseSurface(
-        level=parts["F"], frequency=parts["f"], force=parts["F"].astype(complex), response=parts["x"]
-    )
+    surface = ResponseSurface(parts["F"], parts["f"], parts["F"].astype(complex), response=parts["x"])
     path = folder / "good-surface.h5"
     save_surface(path, surface)
     return path.read_bytes()
@@ -117,11 +114,9 @@ def _recorded(form: str) -> bytes:
         book.remove(book.active)
         for group, columns in _groups().items():
             sheet = book.create_sheet(group)
-            for row in (
-                list(columns),
-                *(list(map(float, row)) for row in zip(*columns.values(), strict=True)),
-            ):
-                sheet.append(row)
+            sheet.append(list(columns))
+            for row in zip(*columns.values(), strict=True):
+                sheet.append(list(map(float, row)))
         book.save(file)
     return bytes(file.getvalue())
 
@@ -129,18 +124,17 @@ def _recorded(form: str) -> bytes:
 def good(form: str, folder: Path) -> bytes:
     """A good file of a format."""
     parts = arrays()
-    file = io.BytesIO()
-    opened: Any = file
+    table = np.column_stack([parts["f"], parts["F"], parts["x"].real, parts["x"].imag])
+    file: Any = io.BytesIO()
     if form == "csv":
-        rows = zip(parts["f"], parts["F"], parts["x"].real, parts["x"].imag, strict=True)
-        lines = ["f [Hz],F [N],x_re [m],x_im [m]", *(",".join(f"{v:.9g}" for v in row) for row in rows)]
-        return ("\n".join(lines) + "\n").encode()
-    if form == "mat":
-        scipy.io.savemat(opened, parts | {"s": {"in": parts["f"]}}, do_compression=True)
+        title = "f [Hz],F [N],x_re [m],x_im [m]"
+        np.savetxt(file, table, fmt="%.9g", delimiter=",", header=title, comments="")
+    elif form == "mat":
+        scipy.io.savemat(file, parts | {"s": {"in": parts["f"]}}, do_compression=True)
     elif form == "npz":
-        np.savez_compressed(opened, **parts)
+        np.savez_compressed(file, **parts)
     elif form == "npy":
-        np.save(opened, np.column_stack([parts["f"], parts["F"], parts["x"].real, parts["x"].imag]))
+        np.save(file, table)
     elif form == "hdf5":
         return _hdf5(parts)
     elif form == "lvm":
@@ -151,46 +145,33 @@ def good(form: str, folder: Path) -> bytes:
         return universal(parts["u"]) + universal(parts["a"])
     else:
         return _surface(folder)
-    return file.getvalue()
+    return bytes(file.getvalue())
 
 
 def table_plan(path: Path, form: str) -> MeasuredTest:
     """Read the table of amplitudes of a good file."""
-    columns: tuple[Any, Any, Channel] = ("f", "F", Channel(complex="x"))
-    if form == "npy":
-        columns = ("array[:,1]", "array[:,2]", Channel(real="array[:,3]", imaginary="array[:,4]"))
-    elif form == "csv":
-        columns = (1, 2, Channel(real=3, imaginary=4))
-    elif form == "uff":
-        columns = ("1/abscissa", "1/ordinate", Channel(amplitude="2/ordinate"))
-    elif form in _BEFORE:
-        f, F, re, im = (f"{_BEFORE[form][0]}{name}" for name in ("f", "F", "re", "im"))
-        columns = (f, F, Channel(real=re, imaginary=im))
-    elif form == "wav":
-        columns = (1, 2, Channel(real=3, imaginary=4, unit="m"))
-        level = LevelRule(column=2)
-        return MeasuredTest(
-            (path,), 1, Channel(amplitude=2, unit="N"), columns[2], "displacement", level=level
-        )
-    f, F, x = columns
-    return MeasuredTest((path,), f, Channel(amplitude=F), x, "displacement", level=LevelRule(column=F))
+    f, F, x = "f", "F", Channel(complex="x")
+    if form == "uff":
+        f, F, x = "1/abscissa", "1/ordinate", Channel(amplitude="2/ordinate")
+    elif form in {"npy", "csv", "wav"} | _BEFORE.keys():
+        named = [f"{_BEFORE[form][0]}{name}" for name in ("f", "F", "re", "im")] if form in _BEFORE else ()
+        numbered = [f"array[:,{number}]" if form == "npy" else number for number in (1, 2, 3, 4)]
+        f, F, re, im = named or numbered
+        x = Channel(real=re, imaginary=im, unit="m" if form == "wav" else None)
+    force = Channel(amplitude=F, unit="N" if form == "wav" else None)
+    return MeasuredTest((path,), f, force, x, "displacement", level=LevelRule(column=F))
 
 
 def history_plan(path: Path, form: str) -> MeasuredTest:
     """Read the time history of a good file."""
-    columns: tuple[Any, Any, Any] = ("u", "a", "t")
-    if form == "npy":
-        columns = ("array[:,2]", "array[:,3]", "array[:,1]")
-    elif form == "csv":
-        columns = (2, 3, 1)
-    elif form == "uff":
-        columns = ("1/ordinate", "2/ordinate", "1/abscissa")
-    elif form in _BEFORE:
-        u, a, t = columns = tuple(f"{_BEFORE[form][1]}{name}" for name in ("u", "a", "t"))
-    elif form == "wav":
+    named: dict[str, tuple[Any, Any, Any]] = {
+        "npy": ("array[:,2]", "array[:,3]", "array[:,1]"), "csv": (2, 3, 1),
+        "uff": ("1/ordinate", "2/ordinate", "1/abscissa"),
+    }  # fmt: skip
+    before = _BEFORE.get(form, ("", ""))[1]
+    u, a, t = named.get(form, tuple(f"{before}{name}" for name in ("u", "a", "t")))
+    signals, rule = (Channel(samples=u), Channel(samples=a)), HistoryRule("swept-sine", time=t)
+    if form == "wav":
         signals = Channel(samples=5, unit="N"), Channel(samples=6, unit="m/s^2")
         rule = HistoryRule("swept-sine", rate_column="rate")
-        return MeasuredTest((path,), None, *signals, "acceleration", history=rule)
-    u, a, t = columns
-    rule = HistoryRule("swept-sine", time=t)
-    return MeasuredTest((path,), None, Channel(samples=u), Channel(samples=a), "acceleration", history=rule)
+    return MeasuredTest((path,), None, *signals, "acceleration", history=rule)

@@ -17,9 +17,7 @@ from tests.attacks import program
 from tests.attacks.program import Row
 
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
-_NEXT_MOMENT = 1.15
-"""Of the time of an undisturbed run, up to which moments are drawn: past its end, too."""
-
+_NEXT_MOMENT = 1.15  # of the time of an undisturbed run, up to which moments are drawn: past its end, too
 
 FIGURES = (
     "results that lie", "earlier results lost", "orphans", "leftovers after the next run",
@@ -38,13 +36,10 @@ class Tally:
     def rows(self) -> list[Row]:
         number = sum(self.tried.values())
         kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(self.tried.items()))
-        made = f"; {kinds}; {self.ended} reached the run before its end"
+        made = {FIGURES[0]: f"; {kinds}; {self.ended} reached the run before its end"}
+        head = f"kills of whole runs at random moments, {number}"
         return [
-            program.failures(
-                f"kills of whole runs at random moments, {number}: {figure}",
-                which,
-                f" of {number}{made if figure == FIGURES[0] else ''}",
-            )
+            program.failures(f"{head}: {figure}", which, f" of {number}{made.get(figure, '')}")
             for figure, which in self.found.items()
         ]
 
@@ -99,7 +94,8 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     lying, lost, orphans, left, talk = tally.found.values()
     lying += [f"{what}: {name}" for name in program.lies(out)]
     orphans += [what] * bool(ended.orphans)
-    fault = _spoken(ended, *_codes(number, whom))
+    # orphans are counted above
+    fault = replace(ended, orphans=0).fault(*_codes(number, whom))
     talk += [f"{what}: {fault}"] * bool(fault)
     # a result that had been moved aside comes back before anything is computed
     following = program.rsgen("run", *cases, "--out", out, "--jobs", "1", env=around)
@@ -110,11 +106,6 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     if following.out.count("unchanged") < len(kept) or len(program.verified(out)) < len(before):
         lost.append(what)
     left += [f"{what}: {name}" for name in program.leftovers(out, place / "tmp", place / "cache")]
-
-
-def _spoken(ended: program.Ended, *codes: int) -> str:
-    """Say what is wrong with how a killed run ended; orphans are counted elsewhere."""
-    return replace(ended, orphans=0).fault(*codes)
 
 
 def _undisturbed(place: Path) -> float:

@@ -12,19 +12,15 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from rsgen.app.study.folder import MANIFEST, read_manifest
+from rsgen.app.study.folder import read_manifest
 from tests.case_files import CUBIC, write_small
 
 COMMAND = (sys.executable, "-c", "from rsgen.app.cli import main; main()")
 
-HANG_SECONDS = 180.0
-"""A command of these cases that is not at its end by then hangs; on a quiet machine they take 4 s."""
+HANG_SECONDS = 180.0  # after which a command of these cases hangs; on a quiet machine they take 4 s
+ORPHAN_SECONDS = 3.0  # after which a process that a run left is an orphan; one that clears up has 1 s
 
-ORPHAN_SECONDS = 3.0
-"""A process of a run that is there so long after the run is an orphan; one that clears up has 1 s."""
-
-Row = dict[str, str]
-"""A row of the table: ``figure``, ``asked``, ``measured``."""
+Row = dict[str, str]  # of the table: ``figure``, ``asked``, ``measured``
 
 
 def row(figure: str, asked: str, measured: str) -> Row:
@@ -65,9 +61,7 @@ class Ended:
 def session(leader: int) -> list[int]:
     """List the living processes of a session, by what the system says of each."""
     found = []
-    for entry in Path("/proc").iterdir():
-        if not entry.name.isdigit():
-            continue
+    for entry in Path("/proc").glob("[0-9]*"):
         with suppress(OSError):
             # after the name, which is in brackets: state, parent, group, session
             state, _, _, number = (entry / "stat").read_text().rpartition(")")[2].split()[:4]
@@ -76,15 +70,12 @@ def session(leader: int) -> list[int]:
     return found
 
 
-def listen() -> None:
-    """Let a process be interrupted; one begun by a script in the background is born deaf to that."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-
-
 def start(words: Sequence[str | Path], **options: object) -> subprocess.Popen[str]:
     """Start a command of rsgen; it leads a session, by which its processes are found again."""
     settings: dict = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    settings |= {"text": True, "errors": "replace", "start_new_session": True, "preexec_fn": listen} | options
+    # one begun by a script in the background is born deaf to interrupts
+    settings["preexec_fn"] = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)
+    settings |= {"text": True, "errors": "replace", "start_new_session": True} | options
     return subprocess.Popen(settings.pop("command", None) or [*COMMAND, *map(str, words)], **settings)
 
 
@@ -127,13 +118,8 @@ def environment(place: Path, **changes: str | None) -> dict[str, str]:
 
 def lies(out: Path) -> list[str]:
     """List what looks like a result in a folder of results and does not verify."""
-    if not out.is_dir():
-        return []
-    found = [
-        path.name
-        for path in sorted(out.iterdir())
-        if path.is_dir() and not path.name.startswith(".") and read_manifest(path) is None
-    ]
+    folders = [path for path in sorted(out.glob("[!.]*")) if path.is_dir()]
+    found = [path.name for path in folders if read_manifest(path) is None]
     index = out / "index.html"
     if index.exists() and not index.read_text(encoding="utf-8").endswith(("</html>", "</html>\n")):
         found.append(index.name)
@@ -142,21 +128,13 @@ def lies(out: Path) -> list[str]:
 
 def leftovers(*folders: Path) -> list[str]:
     """List what a run that is over has no use for: hidden entries, and whatever lies in temporary folders."""
-    return [
-        f"{folder.name}/{path.name}"
-        for folder in folders
-        if folder.is_dir()
-        for path in sorted(folder.iterdir())
-        if path.name.startswith(".") or folder.name == "tmp"
-    ]
+    found = [path for folder in folders for path in sorted(folder.glob("*"))]
+    kept = [path for path in found if path.name.startswith(".") or path.parent.name == "tmp"]
+    return [f"{path.parent.name}/{path.name}" for path in kept]
 
 
-def verified(out: Path) -> dict[str, bytes]:
-    return {
-        path.name: (path / MANIFEST).read_bytes()
-        for path in sorted(out.iterdir() if out.is_dir() else ())
-        if path.is_dir() and read_manifest(path) is not None
-    }
+def verified(out: Path) -> list[str]:
+    return [path.name for path in out.glob("*") if path.is_dir() and read_manifest(path) is not None]
 
 
 @contextmanager

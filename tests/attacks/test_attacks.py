@@ -9,15 +9,11 @@ from tests.attacks import __main__ as table
 from tests.attacks.program import reached
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and mounts are POSIX")
-
-
-ATTACKS = {
-    "kills": 12, "cache": 6, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24,
-}  # fmt: skip
+FEW = {"kills": 12, "cache": 6, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24}
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("module", table.COUNTS)
 def test_a_few_attacks_of_each_kind(module):
-    rows = import_module(f"tests.attacks.{module}").run(ATTACKS[module], seed=1)
+    rows = import_module(f"tests.attacks.{module}").run(FEW[module], seed=1)
     assert [row for row in rows if not reached(row)] == []

@@ -7,12 +7,11 @@ from numpy.random import Generator
 STATES = ("x", "v", "x", "v", "x")
 NAMES = ("k", "c", "b", "a", "Ff", "k3", "n", "w0")
 NUMBERS = ("2", "3", "0.5", "1", "0.25", "10", "7.5e-3", "1e4", "1/3", "pi", "0", "5920", "64", "1e300",
-           "1e-300",            "123456789012345678901234567890", "0.1234567890123456789")  # fmt: skip
+           "1e-300", "123456789012345678901234567890", "0.1234567890123456789")  # fmt: skip
 FUNCTIONS = ("abs", "sign", "Heaviside", "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan",
              "sinh", "cosh", "tanh", "gamma")  # fmt: skip
 RELATIONS = ("<", "<=", ">", ">=")
-LONGEST = 2000
-"""Characters that the language allows."""
+LONGEST = 2000  # characters that the language allows
 
 
 def _pick(rng: Generator, of: tuple[str, ...]) -> str:
@@ -84,19 +83,14 @@ def continued_fraction(rng: Generator) -> str:
 def nested_functions(rng: Generator) -> str:
     """A function of a function of ..., with something added on the way."""
     names = tuple(_pick(rng, FUNCTIONS) for _ in range(_many(rng, 2)))
-    return _nested(
-        _leaf(rng),
-        lambda t: f"{_pick(rng, names)}({t}{_pick(rng, ('', ' + b', ' - x', '*v', '**2'))})",
-        _many(rng, 30),
-    )
+    added = ("", " + b", " - x", "*v", "**2")
+    return _nested(_leaf(rng), lambda t: f"{_pick(rng, names)}({t}{_pick(rng, added)})", _many(rng, 30))
 
 
 def nested_switches(rng: Generator) -> str:
     """abs(abs(x - b) - c) and the like, to any depth."""
-    make = (
-        "abs({} - {})", "Max({}, {})", "Min({}, {}*x)", "sign({} + {})*x", "Heaviside({} - {})*v",
-        "abs({})*{}",
-    )  # fmt: skip
+    make = ("abs({} - {})", "Max({}, {})", "Min({}, {}*x)", "sign({} + {})*x", "Heaviside({} - {})*v",
+            "abs({})*{}")  # fmt: skip
     return _nested("x", lambda t: _pick(rng, make).format(t, _leaf(rng)), _many(rng, 20))
 
 
@@ -108,15 +102,11 @@ def nested_cases(rng: Generator) -> str:
 
 def many_switches(rng: Generator) -> str:
     """A sum or product of many switches at different places."""
-    make = (
-        "abs(x - {})", "sign(v - {})", "Max(x - {}, 0)", "Heaviside(x + {})", "abs(v)*x**2*{}",
-        "abs(x*{} - v)",
-    )  # fmt: skip
-    joint = _pick(rng, (" + ", "*", " - "))
-    parts = [
-        _pick(rng, make).format(_pick(rng, NAMES) + str(i) if rng.random() < 0.7 else i)
-        for i in range(_many(rng, 90))
-    ]
+    make = ("abs(x - {})", "sign(v - {})", "Max(x - {}, 0)", "Heaviside(x + {})", "abs(v)*x**2*{}",
+            "abs(x*{} - v)")  # fmt: skip
+    joint, parts = _pick(rng, (" + ", "*", " - ")), []
+    for i in range(_many(rng, 90)):
+        parts.append(_pick(rng, make).format(_pick(rng, NAMES) + str(i) if rng.random() < 0.7 else i))
     return joint.join(parts)[:LONGEST].rsplit(joint, 1)[0]
 
 
@@ -154,11 +144,9 @@ def huge_numbers(rng: Generator) -> str:
         "gamma(64)", "exp(700)", "exp(exp(9))", "(1e300)**2", "0.1**300", "1e300*1e300", "1/1e-300/1e-300",
         "9" * 31,
     )  # fmt: skip
-    return _nested(
-        _pick(rng, numbers),
-        lambda t: f"{_pick(rng, FUNCTIONS)}({t}){_pick(rng, ('', '*v', ' + x', '**2'))}",
-        _many(rng, 4),
-    )
+    ends = ("", "*v", " + x", "**2")
+    outer = lambda t: f"{_pick(rng, FUNCTIONS)}({t}){_pick(rng, ends)}"  # noqa: E731
+    return _nested(_pick(rng, numbers), outer, _many(rng, 4))
 
 
 def powers_of_powers(rng: Generator) -> str:
@@ -170,28 +158,25 @@ def powers_of_powers(rng: Generator) -> str:
 def bessel_of_pieces(rng: Generator) -> str:
     """Bessel functions of what has switches, to high powers."""
     inner = nested_cases(rng) if rng.random() < 0.5 else nested_switches(rng)
-    return f"x*{_pick(rng, ('besselj', 'besseli'))}({int(rng.integers(0, 65))}, {inner})**{_many(rng, 64)}"[
-        :LONGEST
-    ]
+    function, order = _pick(rng, ("besselj", "besseli")), int(rng.integers(0, 65))
+    return f"x*{function}({order}, {inner})**{_many(rng, 64)}"[:LONGEST]
 
 
 def waves(rng: Generator) -> str:
     """Products of many sines, exponentials and hyperbolic functions."""
-    parts = [
-        f"{_pick(rng, FUNCTIONS[4:])}({_leaf(rng)}*{_pick(rng, STATES)} + {_leaf(rng)})**{_many(rng, 6)}"
-        for _ in range(_many(rng, 6))
-    ]
-    return "*".join(parts)
+
+    def part() -> str:
+        wave, left, state, right = _pick(rng, FUNCTIONS[4:]), _leaf(rng), _pick(rng, STATES), _leaf(rng)
+        return f"{wave}({left}*{state} + {right})**{_many(rng, 6)}"
+
+    return "*".join(part() for _ in range(_many(rng, 6)))
 
 
 def quotients(rng: Generator) -> str:
     """Sums of quotients whose denominators have nothing in common."""
     below = ("x", "v", "abs(x)", "x**2", "abs(v)")
-    parts = [
-        f"{_leaf(rng)}*x**{_many(rng, 5)}/({_leaf(rng)} + {_pick(rng, below)}**{_many(rng, 6)})"
-        for _ in range(_many(rng, 25))
-    ]
-    return " + ".join(parts)[:LONGEST].rsplit(" + ", 1)[0]
+    part = lambda: f"{_leaf(rng)}*x**{_many(rng, 5)}/({_leaf(rng)} + {_pick(rng, below)}**{_many(rng, 6)})"  # noqa: E731
+    return " + ".join(part() for _ in range(_many(rng, 25)))[:LONGEST].rsplit(" + ", 1)[0]
 
 
 def no_language(rng: Generator) -> str:

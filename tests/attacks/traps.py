@@ -29,9 +29,8 @@ def _npy_head(text: bytes, version: int = 1, declared: int | None = None) -> byt
 
 def long_number(folder: Path, rng: Generator) -> bytes:
     """A number of up to a million digits, with a letter behind or without."""
-    digits = b"7" * power_of_ten(rng, 2, 5.95) + bytes(
-        rng.choice([b"", b"x", b"e5", b".5", b"e" + b"9" * 50])
-    )
+    digits = b"7" * power_of_ten(rng, 2, 5.95)
+    digits += bytes(rng.choice([b"", b"x", b"e5", b".5", b"e" + b"9" * 50]))
     return b"f,F,x\n1,2,3\n" + digits + b",2,3\n" + b"1,2,3\n" * 20
 
 
@@ -64,28 +63,25 @@ def words_and_numbers(folder: Path, rng: Generator) -> bytes:
 
 def titles(folder: Path, rng: Generator) -> bytes:
     """Titles whose units are no units, or powers without end."""
-    unit = (b"m^999999999", b"m" * 50_000, b"(" * 9000, b"1/" * 5000 + b"s", b"kg**-1e9", b"10^400 m",
-            b"\xff\xfe m")  # fmt: skip
-    name = b"x [" + unit[int(rng.integers(len(unit)))] + b"]"
-    row = b"8.5,1,1e-3,1e-4"
-    return b"f [Hz],F [N]," + name + b",y\n" + b"\n".join([row] * 30) + b"\n"
+    units = (b"m^999999999", b"m" * 50_000, b"(" * 9000, b"1/" * 5000 + b"s", b"kg**-1e9", b"10^400 m",
+             b"\xff\xfe m")  # fmt: skip
+    unit = units[int(rng.integers(len(units)))]
+    return b"f [Hz],F [N],x [" + unit + b"],y\n" + b"8.5,1,1e-3,1e-4\n" * 30
 
 
 def other_encodings(folder: Path, rng: Generator) -> bytes:
     """Bytes that are no text, marks of encodings, zeros, line ends of every kind."""
     content = good("csv", folder)
-    kind = int(rng.integers(6))
-    if kind == 0:
-        return content.decode().encode("utf-16")
-    if kind == 1:
-        return b"\xff\xfe" + content
-    if kind == 2:
-        return content.decode().encode("utf-32")
-    if kind == 3:
-        return content.replace(b"\n", bytes(rng.choice([b"\r", b"\r\n", b"\n\r", b"\x0b", b"\xe2\x80\xa8"])))
-    if kind == 4:
-        return content.replace(b",", b"\x00" if rng.random() < 0.5 else "\u066b".encode())
-    return b"\xef\xbb\xbf" + content.replace(b"1", "\u0661".encode())
+    ends = [b"\r", b"\r\n", b"\n\r", b"\x0b", b"\xe2\x80\xa8"]
+    ways: list[Callable[[], bytes]] = [
+        lambda: content.decode().encode("utf-16"),
+        lambda: b"\xff\xfe" + content,
+        lambda: content.decode().encode("utf-32"),
+        lambda: content.replace(b"\n", bytes(rng.choice(ends))),
+        lambda: content.replace(b",", b"\x00" if rng.random() < 0.5 else "\u066b".encode()),
+        lambda: b"\xef\xbb\xbf" + content.replace(b"1", "\u0661".encode()),
+    ]
+    return ways[int(rng.integers(6))]()
 
 
 def many_rows(folder: Path, rng: Generator) -> bytes:
@@ -98,10 +94,9 @@ def npy_head(folder: Path, rng: Generator) -> bytes:
     shapes = ["(10**9,)", "(1000000000000,)", "(-1,)", "(0,)", "(2,)*40", "((((3,),),),)", "(True,)",
               "(1e9,)", "(" + "1," * 40 + ")", "(" + "9" * 5000 + ",)", "()"]  # fmt: skip
     kinds = ["'<f8'", "'|O'", "'|S100000000'", "'<U9'", "'>f8'", "'<f2'", "'|b1'", "'<M8[s]'", "'|V8'",
-             "'<f16'",
-             "[('f', '<f8', (1000000,))]", "[('f', '|O')]", "[" + "('a','<f8')," * 3 + "]", "'<c16'",
-             "'f8,'*9",
-             str([(f"c{n}", "<f8") for n in range(300)]), "(" * 90 + "1" + ")" * 90]  # fmt: skip
+             "'<f16'", "[('f', '<f8', (1000000,))]", "[('f', '|O')]", "[" + "('a','<f8')," * 3 + "]",
+             "'<c16'", "'f8,'*9", str([(f"c{n}", "<f8") for n in range(300)]),
+             "(" * 90 + "1" + ")" * 90]  # fmt: skip
     kind, shape = kinds[int(rng.integers(len(kinds)))], shapes[int(rng.integers(len(shapes)))]
     order = "False" if rng.random() < 0.5 else "True"
     text = f"{{'descr': {kind}, 'fortran_order': {order}, 'shape': {shape}, }}".encode()
@@ -190,10 +185,8 @@ def matlab_element(folder: Path, rng: Generator) -> bytes:
     sides = int(rng.choice([1, 2, 3, 33]))
     place = struct.pack("<II", 5, 4 * sides) + struct.pack("<i", rows) * sides + bytes(4 * (sides % 2))
     called = struct.pack("<II", 1, len(name)) + name + bytes(-len(name) % 8)
-    numbers = struct.pack(
-        "<II", int(rng.integers(1, 16)), int(rng.choice([8, 24, 2**31, 2**32 - 1]))
-    ) + bytes(24)
-    inner = flags + place + called + numbers
+    numbers = struct.pack("<II", int(rng.integers(1, 16)), int(rng.choice([8, 24, 2**31, 2**32 - 1])))
+    inner = flags + place + called + numbers + bytes(24)
     element = struct.pack("<II", 14, int(rng.choice([len(inner), 2**32 - 1, 0]))) + inner
     if rng.random() < 0.5:
         packed = zlib.compress(element + bytes(power_of_ten(rng, 0, 7)))
@@ -212,10 +205,9 @@ def universal_counts(folder: Path, rng: Generator) -> bytes:
     }.items():  # fmt: skip
         if rng.random() < 0.35:
             keys[key] = values[int(rng.integers(len(values)))]
+    rows = [["1" * 4000], ["1e999"], ["nan"], ["1.0" * 800], ["- - -"], [" " * 4000] * 500]
     if rng.random() < 0.3:
-        keys["rows"] = [["1" * 4000], ["1e999"], ["nan"], ["1.0" * 800], ["- - -"], [" " * 4000] * 500][
-            int(rng.integers(6))
-        ]
+        keys["rows"] = rows[int(rng.integers(6))]
     content = universal(numbers, **keys) * int(rng.choice([1, 1, 2000]))
     return content[: -int(rng.integers(1, 200))] if rng.random() < 0.4 else content
 
@@ -225,10 +217,8 @@ def universal_binary(folder: Path, rng: Generator) -> bytes:
     count = int(rng.choice([0, 3, 4, 10**6, 10**9]))
     size = int(rng.choice([0, 12, 24, 10**9, 10**15]))
     head = universal(np.empty(0), count=count, kind=int(rng.choice([2, 4, 6]))).split(b"\n")[2:13]
-    first = (
-        f"    58b{int(rng.choice([1, 2, 7])):6d}{2:6d}{int(rng.choice([11, 0, 99])):12d}{size:12d}"
-        + f"{0:12d}" * 4
-    )
+    order, kind = int(rng.choice([1, 2, 7])), int(rng.choice([11, 0, 99]))
+    first = f"    58b{order:6d}{2:6d}{kind:12d}{size:12d}" + f"{0:12d}" * 4
     return b"    -1\n" + first.encode() + b"\n" + b"\n".join(head) + b"\n" + rng.bytes(24) + b"\n    -1\n"
 
 
@@ -238,12 +228,8 @@ def universal_sets(folder: Path, rng: Generator) -> bytes:
     other = end + b"   151\n" + b"anything\n" * int(rng.integers(0, 5)) + end
     units = [b"1.0D+00", b"0", b"nan", b"1e999", b"-1", b"9" * 4000][int(rng.integers(6))]
     system = end + b"   164\n         9unit          2\n" + units + b" 1.0D+00\n0.0\n" + end
-    return (
-        other * power_of_ten(rng, 0, 4)
-        + system
-        + universal(arrays()["u"][:20])
-        + (end if rng.random() < 0.3 else b"")
-    )
+    content = other * power_of_ten(rng, 0, 4) + system + universal(arrays()["u"][:20])
+    return content + (end if rng.random() < 0.3 else b"")
 
 
 TRAPS: dict[str, tuple[Trap, ...]] = {

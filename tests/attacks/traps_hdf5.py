@@ -12,11 +12,10 @@ from numpy.random import Generator
 from rsgen.data.surface.columns import COLUMN_UNITS
 from tests.attacks.good_files import good, power_of_ten
 
-SECRET = 424242.0
-"""Number in a file outside, which no reader may give."""
+SECRET = 424242.0  # a number in a file outside, which no reader may give
 
 
-def _made(make: Callable[[h5py.File], None], **how: Any) -> bytes:
+def _made(make: Callable[[h5py.File], object], **how: Any) -> bytes:
     file = io.BytesIO()
     with h5py.File(file, "w", **how) as made:
         make(made)
@@ -70,14 +69,8 @@ def hdf5_outside(folder: Path, rng: Generator) -> bytes:
         lambda file: file.create_dataset("f", shape=(40,), dtype="f8", external=place),
         lambda file: file.update({"f": h5py.SoftLink(str(outside))}),
     ]
-    way = ways[int(rng.integers(4))]
-
-    def make(file: h5py.File) -> None:
-        for name in ("F", "x", "t", "u", "a"):
-            file[name] = np.ones(40)
-        way(file)
-
-    return _made(make)
+    way, others = ways[int(rng.integers(4))], dict.fromkeys(("F", "x", "t", "u", "a"), np.ones(40))
+    return _made(lambda file: (file.update(others), way(file)))
 
 
 def hdf5_tree(folder: Path, rng: Generator) -> bytes:
@@ -97,10 +90,8 @@ def hdf5_tree(folder: Path, rng: Generator) -> bytes:
             file["n" * power_of_ten(rng, 1, 4.5)] = np.ones(3)
             file["a\x1b[2J\u202e"] = np.ones(3)
         elif kind == 4:
-            data = file.create_dataset("f", data=np.ones(3))
-            data.attrs["units"] = ["m" * 60000, np.bytes_(b"\xff" * 300), "m^" + "9" * 300, "m" * 20][
-                int(rng.integers(4))
-            ]
+            units = ["m" * 60000, np.bytes_(b"\xff" * 300), "m^" + "9" * 300, "m" * 20]
+            file.create_dataset("f", data=np.ones(3)).attrs["units"] = units[int(rng.integers(4))]
         elif kind == 5:
             file.create_dataset("f", data=np.ones(3, dtype=[("r", "f8"), ("i", "f4")]))
             file.create_dataset("t", data=["a", "b"])

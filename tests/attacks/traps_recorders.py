@@ -35,13 +35,11 @@ def sound(folder: Path, rng: Generator) -> bytes:
     """Sizes, channels, bits and rates that do not fit the samples; parts by the thousand."""
     words = [int(rng.choice(_SIZES)) for _ in range(4)]
     kind, bits = int(rng.choice([0, 1, 3, 85, 0xFFFE])), int(rng.choice([0, 1, 8, 16, 24, 32, 64, 65535]))
-    form = struct.pack("<HHIIHH", kind, words[0] % 2**16, words[1], words[2], words[3] % 2**16, bits) + bytes(
-        int(rng.choice([0, 2, 24, 5000]))
-    )
+    form = struct.pack("<HHIIHH", kind, words[0] % 2**16, words[1], words[2], words[3] % 2**16, bits)
+    form += bytes(int(rng.choice([0, 2, 24, 5000])))
     parts = b"LIST" + struct.pack("<I", int(rng.choice(_SIZES)))
-    begin = (
-        bytes(rng.choice([b"RIFF", b"RF64", b"RIFX"])) + struct.pack("<I", int(rng.choice(_SIZES))) + b"WAVE"
-    )
+    begin = bytes(rng.choice([b"RIFF", b"RF64", b"RIFX"]))
+    begin += struct.pack("<I", int(rng.choice(_SIZES))) + b"WAVE"
     size = struct.pack("<I", int(rng.choice([*_SIZES, 64])))
     other = parts * int(rng.choice([0, 1, 5000]))
     return begin + other + b"fmt " + struct.pack("<I", len(form)) + form + b"data" + size + rng.bytes(64)

@@ -4,21 +4,25 @@ import re
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
-from rsgen import Finding, Identification
+from rsgen import Finding, Identification, make_element
+from rsgen.data.oscillator import Model
 from rsgen.formula.reading import parse
+from rsgen.identification.results import Estimate
 from rsgen.report import draw_all, write_index
 from rsgen.report.files import check_printed
 from rsgen.report.page import page_context, render_page
 from rsgen.report.provenance import Subject, plain_text
-from rsgen.report.result_json import Parts, build_result, result_text
+from rsgen.report.result_json import Parts
+from tests import samples
 from tests.report.browser import A4, AXE, DESK, PHONE, Page, in_browser
-from tests.report.test_report import hostile_titles, identified
-from tests.samples import cubic_case, cubic_comparison, cubic_identification, cubic_prediction, cubic_surface
+from tests.report.test_report import hostile_titles
 
 pytestmark = pytest.mark.thorough
 
+OPEN = "document.querySelectorAll('details').forEach(d => d.open = true)"
 POLICY = re.compile(r"<meta http-equiv=\"Content-Security-Policy\"[^>]*>")
 
 
@@ -26,26 +30,23 @@ POLICY = re.compile(r"<meta http-equiv=\"Content-Security-Policy\"[^>]*>")
 def pages(tmp_path_factory):
     """A plain report, one with hostile texts everywhere, the same without its policy, and an index."""
     folder = tmp_path_factory.mktemp("pages")
-    surface = cubic_surface()
-    identification = cubic_identification(surface)
-    prediction = cubic_prediction(surface, held_out=(1.0,))
-    comparison = cubic_comparison(identification)
-    drawings = draw_all(Subject.of_case(cubic_case(), identification), surface, identification, prediction)
+    surface = samples.cubic_surface()
+    cubic = samples.cubic_identification(surface)
+    prediction, comparison = samples.cubic_prediction(surface, (1.0,)), samples.cubic_comparison(cubic)
+    drawings = draw_all(Subject.of_case(samples.cubic_case(), cubic), surface, cubic, prediction)
     titles = hostile_titles()
 
-    def write(name: str, found: Identification = identification, **changes: Any) -> str:
-        subject = Subject.of_case(cubic_case(**changes), found)
-        printed = check_printed(subject, found) if found is identification else ()
-        provenance = (
-            {title or "empty": title for title in titles} if name == "hostile" else {"Versions": "rsgen"}
-        )
+    def write(name: str, found: Identification = cubic, **changes: Any) -> str:
+        subject = Subject.of_case(samples.cubic_case(**changes), found)
+        shown = {title or "empty": title for title in titles} if name == "hostile" else {"Versions": "rsgen"}
+        printed = check_printed(subject, found) if found is cubic else ()
         parts = Parts(subject, surface, found, comparison, prediction, printed)
-        text = render_page(page_context(parts, drawings, provenance))
+        text = render_page(page_context(parts, drawings, shown))
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
-        place = folder / "results" / name
-        place.mkdir(parents=True)
-        result = build_result(parts, {"surface": 1.0})
-        (place / "result.json").write_text(result_text(result), encoding="utf-8")
+        title = changes.get("title", "Softening cubic spring")
+        samples.write_result(
+            folder / "results", samples.cubic_result(0.01, *found.findings) | {"title": title}, name
+        )
         return text
 
     # a formula that no phone shows in one line
@@ -54,14 +55,14 @@ def pages(tmp_path_factory):
     write("wide", printed={"stiffness": parse(long)})
     texts = {"title": titles[0] + titles[1], "source": "".join(titles)[:500], "text": "\n".join(titles)}
     hostile = write("hostile", **texts)
-    doubts = [
-        Finding("law-does-not-fit", severity, numbers={"misfit": 0.3}) for severity in ("error", "doubt")
-    ]
-    write("rejected", replace(identification, findings=tuple(doubts)))
+    doubts = [Finding("law-does-not-fit", grave, numbers={"misfit": 0.3}) for grave in ("error", "doubt")]
+    write("rejected", replace(cubic, findings=tuple(doubts)))
     # describing functions wider than any phone, as those of laws with pieces are
-    law = "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))"
-    model, pieces = identified(law, {"k4": 5920.0, "k5": 6900.0, "b": 0.02})
-    write("pieces", pieces, model=model)
+    law = make_element("law", "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))")
+    values = {"b": 0.02, "k4": 5920.0, "k5": 6900.0}
+    known = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in values.items())
+    model, exact = Model((law,), samples.MASS), {"covariance": np.zeros((0, 0)), "solution": np.zeros(0)}
+    write("pieces", replace(cubic, model=model, refined=known, **exact), model=model)
     (folder / "bare.html").write_text(POLICY.sub("", hostile), encoding="utf-8")
     write_index(folder / "results")
     names = ("plain", "wide", "pieces", "hostile", "rejected", "bare")
@@ -73,34 +74,30 @@ def test_page_is_quiet_and_fits(chromium, pages, name):
     address = pages[name].as_uri()
 
     async def visit(page: Page) -> dict[str, Any]:
-        seen: dict[str, Any] = {}
+        async def fits(width: int) -> bool:
+            return bool(await page.ask(f"document.documentElement.scrollWidth <= {width}"))
+
+        fit: dict[Any, bool] = {}
         for width in (PHONE, DESK):
             for dark in (False, True):
                 await page.show(address, width, dark=dark)
-                seen[f"{width} {dark}"] = await page.ask("document.documentElement.scrollWidth")
-        await page.ask("document.querySelectorAll('details').forEach(d => d.open = true)")
+                fit[width, dark] = await fits(width)
         await page.show(address, A4, media="print")
-        seen["print"] = await page.ask("document.documentElement.scrollWidth")
+        fit["print"] = await fits(A4)
         await page.show(address, PHONE)
-        await page.ask("document.querySelectorAll('details').forEach(d => d.open = true)")
-        seen["open"] = await page.ask("document.documentElement.scrollWidth")
-        seen["scripts"] = await page.ask("document.scripts.length")
-        seen["background"] = await page.ask("document.body.style.background")
-        return seen | {"requests": set(page.requests), "complaints": page.complaints, "dialogs": page.dialogs}
+        await page.ask(OPEN)
+        fit["open"] = await fits(PHONE)
+        run = await page.ask("[document.scripts.length, document.body.style.background]")
+        return {
+            "fit": fit,
+            "run": run,
+            "requests": set(page.requests),
+            "said": page.complaints + page.dialogs,
+        }
 
     seen = in_browser(chromium, visit)
-    assert seen["requests"] == {address}
-    assert seen["complaints"] == []
-    assert seen["dialogs"] == []
-    assert seen["scripts"] == 0
-    assert seen["background"] == ""
-    for key, width in seen.items():
-        if key.startswith(str(PHONE)) or key == "open":
-            assert width <= PHONE, key
-        elif key.startswith(str(DESK)):
-            assert width <= DESK, key
-        elif key == "print":
-            assert width <= A4
+    assert all(seen["fit"].values()), seen["fit"]
+    assert (seen["run"], seen["requests"], seen["said"]) == ([0, ""], {address}, [])
 
 
 @pytest.mark.skipif(not AXE.is_file(), reason="no axe-core here: make test-all fetches it with npm")
@@ -110,7 +107,7 @@ def test_axe_finds_nothing(chromium, pages, name):
         found = {}
         for width, dark in ((PHONE, False), (DESK, False), (DESK, True)):
             await page.show(pages[name].as_uri(), width, dark=dark)
-            await page.ask("document.querySelectorAll('details').forEach(d => d.open = true)")
+            await page.ask(OPEN)
             found[width, dark] = await page.violations()
         return found
 

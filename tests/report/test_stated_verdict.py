@@ -13,25 +13,13 @@ import rsgen
 from rsgen.common.finding import Finding, Quantity, Verdict
 from rsgen.identification.results import Identification
 from rsgen.report import sentences
-from rsgen.report.page import page_context, render_page, write_index
-from rsgen.report.provenance import Subject, coded
-from rsgen.report.result_json import Parts
+from rsgen.report.page import write_index
+from rsgen.report.provenance import coded
 from rsgen.report.sentences import NEXT_STEPS, full_sentence, next_step, state_verdict
-from tests.samples import (
-    cubic_case,
-    cubic_comparison,
-    cubic_identification,
-    cubic_prediction,
-    cubic_result,
-    cubic_surface,
-    empty_drawings,
-    write_result,
-)
+from tests.report.test_report import IDENTIFICATION, PREDICTION, page
+from tests.samples import cubic_comparison, cubic_result, write_result
 from tests.surfaces import MASS, changed, model, surface, truth
 
-SURFACE = cubic_surface()
-IDENTIFICATION = cubic_identification(SURFACE)
-PREDICTION = cubic_prediction(SURFACE)
 ERROR = Finding("structure-feeds-exciter", "error")
 DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})
 WARNING = Finding("points-excluded", "warning", numbers={"excluded": 3, "points": 90})
@@ -39,13 +27,6 @@ WARNING = Finding("points-excluded", "warning", numbers={"excluded": 3, "points"
 
 def found_with(*findings: Finding) -> Identification:
     return replace(IDENTIFICATION, findings=findings)
-
-
-def page_of(tolerance: float | None, *findings: Finding) -> str:
-    found = found_with(*findings)
-    subject = Subject.of_case(cubic_case(), found)
-    parts = Parts(subject, SURFACE, found, cubic_comparison(found, tolerance), PREDICTION)
-    return render_page(page_context(parts, empty_drawings(), {"Versions": "rsgen"}))
 
 
 @pytest.mark.parametrize(("tolerance", "findings", "held_out", "state", "decided"), [
@@ -124,8 +105,8 @@ def test_a_verdict_says_that_levels_are_labels_and_no_check_of_accelerations(lab
 def test_what_was_asked_for_stands_where_predictions_do():
     """The amplitude was taken for the travel, which is larger at stops."""
     numbers = {"level": Quantity(9.0, "N"), "at": Quantity(9.6, "Hz"), "amplitude": Quantity(0.02, "m")}
-    page = page_of(None, Finding("level-predicted", "info", numbers=numbers))
-    section = page.partition('id="prediction"')[2].partition("</section>")[0]
+    text = page(found_with(Finding("level-predicted", "info", numbers=numbers)))
+    section = text.partition('id="prediction"')[2].partition("</section>")[0]
     assert "Under 9 N, as asked for" in section
     assert "amplitudes are those of the fundamental" in section
 
@@ -157,7 +138,7 @@ def test_the_first_step_is_the_one_that_matters_most():
 
 @pytest.mark.slow
 def test_a_rejected_page_marks_its_numbers():
-    text = page_of(1.0, DOUBT, ERROR).replace("\u00a0", " ")
+    text = page(found_with(DOUBT, ERROR)).replace("\u00a0", " ")
     begin = text.index('class="verdict rejected">Rejected: these numbers are not to be used')
     for finding in (ERROR, DOUBT):
         assert begin < text.index(full_sentence(finding)) < text.index("<table")
@@ -175,13 +156,9 @@ def test_a_rejected_page_marks_its_numbers():
 
 @pytest.mark.slow
 def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
-    for name, tolerance, findings in (
-        ("fine", 1.0, ()),
-        ("open", None, ()),
-        ("doubted", 1.0, (DOUBT,)),
-        ("wrong", None, (ERROR,)),
-    ):
-        write_result(tmp_path, cubic_result(tolerance, *findings), name)
+    made = {"fine": (1.0,), "open": (None,), "doubted": (1.0, DOUBT), "wrong": (None, ERROR)}
+    for name, found in made.items():
+        write_result(tmp_path, cubic_result(*found), name)
     write_index(tmp_path)
     text = (tmp_path / "index.html").read_text()
     assert "4 cases: 1 accepted, 1 identified, 1 doubtful, 1 rejected." in text
@@ -191,7 +168,7 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
     assert 'id="show-doubtful"' in text
     assert 'id="show-missed"' not in text
     # all four have one title
-    assert all(f" ({name})</h3>" in text for name in ("fine", "open", "doubted", "wrong"))
+    assert all(f" ({name})</h3>" in text for name in made)
 
 
 TEXTS = tomllib.loads(Path(sentences.__file__).with_name("findings.toml").read_text(encoding="utf-8"))
