@@ -25,9 +25,7 @@ def test_the_version_is_that_of_the_installed_package(run_cli):
 def test_the_workflow_tries_every_declared_python_on_every_system():
     workflow = (ROOT / ".github" / "workflows" / "check.yml").read_text(encoding="utf-8")
     matrices = re.findall(r"^ +python: \[(.*)\]$", workflow, re.MULTILINE)
-    assert len(matrices) == 2
-    for matrix in matrices:
-        assert re.findall(r'"([\d.]+)"', matrix) == declared_versions()
+    assert [re.findall(r'"([\d.]+)"', matrix) for matrix in matrices] == [declared_versions()] * 2
     assert "system: [ubuntu-latest, macos-latest, windows-latest]" in workflow
     assert PROJECT["requires-python"] == f">={declared_versions()[0]}"
 
@@ -50,19 +48,13 @@ def test_the_constraints_name_a_version_of_each_dependency_that_is_allowed(versi
 
 
 def test_every_dependency_has_a_lowest_version_and_no_highest():
-    for text in (*OF_A_RUN, *EXTRAS["test"]):
-        wanted = Requirement(text)
-        operators = [clause.operator for clause in wanted.specifier]
-        assert operators == [">="] or wanted.name == "rsgen"
+    for wanted in map(Requirement, (*OF_A_RUN, *EXTRAS["test"])):
+        assert [clause.operator for clause in wanted.specifier] == [">="] or wanted.name == "rsgen"
 
 
 def test_the_citation_is_of_the_last_version_in_the_changelog():
     cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
-    version, date = (
-        re.search(rf"^{key}: (\S+)$", cited, re.MULTILINE)[1] for key in ("version", "date-released")
-    )
-    released = re.search(
-        r"^## (\d+\.\d+\.\d+) \((\S+)\)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE
-    )
-    assert (version, date) == (released[1], released[2])
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    version, date = re.search(r"^## (\d+\.\d+\.\d+) \((\S+)\)$", changes, re.MULTILINE).groups()
+    assert {f"version: {version}", f"date-released: {date}"} <= {*cited.splitlines()}
     assert f"version {version}" in (ROOT / "README.md").read_text(encoding="utf-8")

@@ -26,16 +26,13 @@ def linear_surface(**changed):
 
 
 JENKINS = "k*x + c*v + masing(Min(kt*x, Fs))"
-STICKING = rs.Oscillator(1.5, f"{LAW} + F*sign(v)", {**TRUE, "F": 0.2})
+STUCK = f"{LAW} + F*sign(v)"
+STICKING = rs.Oscillator(1.5, STUCK, {**TRUE, "F": 0.2})
 GROWING = rs.Oscillator(1.5, "-k*x + c*v - kn*x**3", {"k": 6000.0, "c": 1.0, "kn": 1e9})
-
-
-def held_by_friction() -> rs.ResponseSurface:
-    return rs.simulate(STICKING, rs.SimulatedTest([0.05, 0.1], np.linspace(8, 12, 21)))
-
-
-def silent() -> rs.MultisineSpectra:
-    return rs.MultisineSpectra([1.0], 3.0, np.ones((1, 30)), np.zeros((1, 30)))
+HELD = rs.SimulatedTest([0.05, 0.1], np.linspace(8, 12, 21))
+SILENT = rs.MultisineSpectra([1.0], 3.0, np.ones((1, 30)), np.zeros((1, 30)))
+OWN_POWER = rs.Law("k*x + c*v + z", memory={"z": "a*v - b*abs(v)*z*abs(z)**(n - 1)"})
+FIVE = rs.Observation(hold_out=(5.0,))
 
 
 @pytest.fixture(scope="module")
@@ -51,11 +48,10 @@ def found(surface):
 def parts_of(name, thing, depth=4):
     """Yield an object and what a user reads of it, but for the numbers of arrays, each with its place."""
     yield name, thing
-    public = (
-        (f.name for f in fields(thing) if f.name[0] != "_" and f.name != "fit") if is_dataclass(thing) else ()
-    )
-    inner = {one: getattr(thing, one) for one in public}
-    inner |= dict(enumerate(thing)) if isinstance(thing, tuple) else {}
+    inner = dict(enumerate(thing)) if isinstance(thing, tuple) else {}
+    for one in fields(thing) if is_dataclass(thing) else ():
+        if one.name[0] != "_" and one.name != "fit":
+            inner[one.name] = getattr(thing, one.name)
     for key, value in inner.items() if depth else ():
         if not isinstance(value, np.ndarray):
             yield from parts_of(f"{name}.{key}", value, depth - 1)
@@ -69,27 +65,11 @@ def test_every_result_prints_in_few_lines():
         "modal": rs.modal_table(surface), "ranking": rs.rank(surface, [LAW, "k*x + c*v + k3*x**3"]),
         "profile": rs.profile(held, "k"), "function": rs.derive(f"{LAW} + k3*x**3"),
         "fits": rs.compare_fits([held, held]), "case": rs.load_case("cases/cubic.toml"),
-        "test": rs.SimulatedTest([1.0, 2.0], np.linspace(8, 12, 200)), "spectra": silent(), "laws": rs.laws,
+        "test": rs.SimulatedTest([1.0, 2.0], np.linspace(8, 12, 200)), "spectra": SILENT, "laws": rs.laws,
     }  # fmt: skip
-    long = {
-        place: len(repr(part))
-        for name, thing in made.items()
-        for place, part in parts_of(name, thing)
-        if len(repr(part).splitlines()) > 40 or len(repr(part)) > 5000
-    }
-    assert long == {}
+    texts = {place: repr(part) for one in made.items() for place, part in parts_of(*one)}
+    assert [place for place, text in texts.items() if text.count("\n") > 39 or len(text) > 5000] == []
     assert "frequency=array of shape (21,)" in repr(held.held_out)
-
-
-@pytest.mark.parametrize(("values", "said"), [
-    ({"hold_out": "all"}, "hold_out: levels: 'all'"), ({"hold_out": ["a"]}, "hold_out: levels: \\['a'\\]"),
-    ({"band": "9 Hz"}, "band: two frequencies in Hz"),
-    ({"band": (1, 2, 3)}, "band: two frequencies in Hz"), ({"band": 9}, "band: two frequencies in Hz"),
-    ({"band": (5.0, 4.0)}, "ascending"), ({"background": "smooth"}, "background"),
-])  # fmt: skip
-def test_an_observation_names_what_it_cannot_read(values, said):
-    with pytest.raises(RsgenError, match=said):
-        rs.Observation(**values)
 
 
 def test_an_observation_takes_one_level_and_no_background():
@@ -97,6 +77,14 @@ def test_an_observation_takes_one_level_and_no_background():
 
 
 @pytest.mark.parametrize(("call", "said"), [
+    *(
+        (lambda s, f, keys=keys: rs.Observation(**keys), said)
+        for keys, said in (
+            ({"hold_out": "all"}, "hold_out: levels: 'all'"), ({"hold_out": ["a"]}, r"levels: \['a'\]"),
+            ({"band": "9 Hz"}, "band: two frequencies in Hz"), ({"band": (1, 2, 3)}, "band: two frequencies"),
+            ({"band": (5.0, 4.0)}, "ascending"), ({"background": "smooth"}, "background"),
+        )
+    ),
     (lambda s, f: rs.identify("test.h5", LAW), "surface: str; must be ResponseSurface"),
     (lambda s, f: rs.identify(s, LAW, "residuals"), "observation: str; must be Observation"),
     (lambda s, f: rs.identify(s, LAW, mass="1.2 kg"), r"mass: '1.2 kg'; must be a number \[kg\]"),
@@ -126,15 +114,10 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: Model(LAW, mass=2.0, fixed={"m": 1.0}), "mass: 2 kg, and 1 kg in fixed; give it once"),
     (lambda s, f: rs.rank(s, Model(LAW, fixed={"k": 1.0})), "of what is fixed only the mass"),
     (lambda s, f: rs.identify(s.select(np.arange(3)), LAW), "identification needs at least"),
-    (lambda s, f: rs.identify(s, LAW, rs.Observation(hold_out=(5.0,))), "no level 5 N"),
-    (
-        lambda s, f: rs.identify(
-            replace(s, level=s.level + s.frequency / 1e3), LAW, rs.Observation(hold_out=(5.0,))
-        ),
-        "each point has its own; give all of a sweep its nominal one",
-    ),
-    (lambda s, f: rs.identify(held_by_friction(), f"{LAW} + F*sign(v)"), "friction holds the mass"),
-    (lambda s, f: rs.identify(silent(), LAW), "record 1 of 1: the response is zero"),
+    (lambda s, f: rs.identify(s, LAW, FIVE), "no level 5 N"),
+    (lambda s, f: rs.identify(replace(s, level=np.arange(42) + 1.5), LAW, FIVE), "give all of a sweep its"),
+    (lambda s, f: rs.identify(rs.simulate(STICKING, HELD), STUCK), "friction holds the mass"),
+    (lambda s, f: rs.identify(SILENT, LAW), "record 1 of 1: the response is zero"),
     (lambda s, f: rs.ResponseSurface([1 + 1j], [9.0], [1 + 1j], [1j]), r"surface\.level: complex numbers"),
     (lambda s, f: rs.profile(f, "k9"), "is no parameter with a value here; those are c, k, m"),
     (lambda s, f: rs.profile(rs.identify(s, LAW, mass=1.2), "m"), "m is fixed"),
@@ -147,7 +130,6 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: rs.modal_table(linear_surface(response=-s.harmonics[:, 1])), "feed the exciter"),
     (lambda s, f: rs.modal_table(s).at([1e-3, -1.0]), "positive and finite"),
     (lambda s, f: rs.compare_fits([f, f, f], ["a", "b"]), "names: 2 of 3 fits"),
-    (lambda s, f: rs.compare_fits([]), "names: 0 of 0 fits"),
     (lambda s, f: rs.compare_fits("found"), "found: str; must be Identification"),
     (lambda s, f: rs.compare(f, TRUE, {"k9": 1e-3}), "k9: not identified; allowed are c, k, m"),
     (lambda s, f: rs.compare(f, {"k": 1.0}, {"c": 1e-3}), "no truth for c"),
@@ -157,12 +139,8 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 0.01), r"no line of a period of 0\.01 s is in it"),
     (lambda s, f: rs.MultisineTest((1.0,), (20, 2), 2.0), "must be ascending"),
     (lambda s, f: rs.MultisineTest((1.0,), (2, 2e3), 200.0, periods=1000), "of all periods; at most"),
-    (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 1e10), "lines of all periods; at most"),
     (lambda s, f: rs.MultisineTest((1.0,), (2, 1e308), 100.0), "lines of all periods; at most"),
-    (
-        lambda s, f: rs.simulate(STICKING, rs.MultisineTest((0.2,), (2.5, 20), 2.0)),
-        r"0\.2 N: no periodic response.*dry friction holds the mass",
-    ),
+    (lambda s, f: rs.simulate(STICKING, rs.MultisineTest((0.2,), (2.5, 20), 2.0)), r"0\.2 N: .*dry friction"),
     (lambda s, f: rs.SweepTest([1], (9, 8), duration=10, rate=400), "band: 9 to 8 Hz; must be ascending"),
     (lambda s, f: rs.SweepTest([1], (8, 14), duration=10, rate=100), "rate: 100 Hz; at least 8 t"),
     (lambda s, f: rs.DecayTest([1e-3], duration=1e6, rate=400), "samples of all records; at most"),
@@ -198,12 +176,7 @@ def test_an_observation_takes_one_level_and_no_background():
             ("k*x + c*xdot", "xdot is one name.* write v for the velocity"),
         )
     ),
-    (
-        lambda s, f: rs.identify(
-            s, rs.Law("k*x + c*v + z", memory={"z": "a*v - b*abs(v)*z*abs(z)**(n - 1)"})
-        ),
-        r"z: a force to a power .* Fs\*z, .* fixed=\{'n': 1\}",
-    ),
+    (lambda s, f: rs.identify(s, OWN_POWER), r"z: a force to a power .* Fs\*z, .* fixed=\{'n': 1\}"),
     (lambda s, f: rs.rank(s, "F1 - F2"), "no candidate has forces"),
     *(
         (lambda s, f, keys=keys: replace(s, **keys), said)
@@ -218,10 +191,7 @@ def test_an_observation_takes_one_level_and_no_background():
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]), r"force: shape \(3,\)"),
     (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), r"\(n,\), one row .*; ravel all arguments"),
-    (
-        lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], np.ones((2, 3)), 1j * np.ones((2, 3))),
-        "np.repeat the levels",
-    ),
+    (lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], *(1j * np.ones((2, 2, 3)))), "np.repeat the levels"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, "wide"]), "surface.response"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1j, 1j, 1j]), r"response: shape \(3,\)"),
     *(
@@ -239,15 +209,14 @@ def test_an_observation_takes_one_level_and_no_background():
             (lambda s: rs.Oscillator(1.0, law=LAW), "Oscillator: law: no argument; its arguments are mass"),
         )
     ),
+    (lambda s, f: rs.derive(["k*x"]), "law: .*; must be "),
+    (lambda s, f: rs.derive(None), "law: .*; must be "),
     (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
     (lambda s, f: rs.sentence("noise"), "finding: str; must be Finding"),
     (lambda s, f: rs.best_linear(s), "spectra: ResponseSurface; must be MultisineSpectra"),
     (lambda s, f: rs.load_case(3), "path: int; must be str or PathLike"),
     (lambda s, f: rs.laws["cubic"], "law 'cubic': unknown; did you mean 'cubic-spring'"),
-    (
-        lambda s, f: rs.predict(s, levels=[1]),
-        "found: ResponseSurface; must be Identification or ModalTable or Oscillator",
-    ),
+    (lambda s, f: rs.predict(s, levels=[1]), "must be Identification or ModalTable or Oscillator"),
     (lambda s, f: rs.predict(f, levels=["high"]), "levels: .*must be numbers"),
     (lambda s, f: rs.predict(f, levels=[]), "levels: none given"),
     (lambda s, f: rs.predict(f, surface="test.h5"), "surface: str"),
@@ -277,9 +246,6 @@ def test_the_law_to_derive_is_text_an_element_or_what_has_a_force():
     oscillator = rs.Oscillator(1.0, spring, {"k": 1.0, "k3": 2.0})
     for law in (rs.laws["cubic-spring"], rs.Law(spring), rs.make_element("spring", spring), oscillator):
         assert str(rs.derive(law).stiffness) == "3*X**2*k3/4 + k"
-    for wrong in (["k*x"], 3.5, None):
-        with pytest.raises(RsgenError, match=r"law: .*; must be "):
-            rs.derive(wrong)
 
 
 def test_a_pickled_result_has_its_residuals_and_says_that_it_has_no_fit_to_profile(found):

@@ -16,10 +16,12 @@ import rsgen
 from rsgen.app.cli.diff_command import compare_results, is_worse
 from rsgen.cases.case import CaseDocument
 from rsgen.common.errors import CaseError, MeasurementError
+from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface.response_surface import SURFACE_SCHEMA
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.report.page import write_index
 from rsgen.report.result_json import SCHEMA, read_results
+from tests.samples import write_result
 
 HERE = Path(__file__).parent / "stability"
 VERSIONS = sorted(path.name for path in HERE.iterdir())
@@ -39,12 +41,9 @@ def test_files_of_every_schema_are_kept():
 @pytest.mark.usefixtures("read_here")
 def test_an_earlier_surface_is_read(version, case):
     surface = rsgen.load_surface(HERE / version / case / "surface.h5")
-    result = json.loads((HERE / version / case / "result.json").read_text(encoding="utf-8"))
-    assert len(surface) == result["surface"]["points"]
-    assert np.count_nonzero(surface.settled) == result["surface"]["settled"]
-    assert surface.control == "force"
-    assert surface.phase_known
-    assert surface.level_unit == "N"
+    counts = json.loads((HERE / version / case / "result.json").read_text(encoding="utf-8"))["surface"]
+    assert (len(surface), np.count_nonzero(surface.settled)) == (counts["points"], counts["settled"])
+    assert (surface.control, surface.phase_known, surface.level_unit) == ("force", True, "N")
     assert surface.levels.tolist() == ([2.0, 8.0] if case == SMALL else [1.0, 3.0, 6.0])
 
 
@@ -77,8 +76,7 @@ def test_an_earlier_surface_is_identified():
 def test_earlier_results_have_their_verdict_and_stand_in_the_index(version, tmp_path):
     states = {entry.folder.name: entry.verdict["state"] for entry in read_results(HERE / version)}
     expected = {SMALL: "accepted", TABLE: "identified"}
-    assert states == {name: expected[name] for name in states}
-    assert len(states) == len(list((HERE / version).iterdir()))
+    assert states == {place.name: expected[place.name] for place in (HERE / version).iterdir()}
     shutil.copytree(HERE / version, tmp_path / "out")
     write_index(tmp_path / "out")
     assert "A small test of a hardening spring" in (tmp_path / "out" / "index.html").read_text("utf-8")
@@ -104,22 +102,19 @@ def test_a_number_that_is_not_known_is_refused_by_name(tmp_path):
     with pytest.raises(MeasurementError, match=r"surface\.h5: is of schema 7; 1 is needed"):
         rsgen.load_surface(tmp_path / "surface.h5")
     result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    (tmp_path / "small").mkdir()
-    (tmp_path / "small" / "result.json").write_text(json.dumps(result | {"schema": 7}), encoding="utf-8")
+    write_result(tmp_path, result | {"schema": 7})
     assert read_results(tmp_path) == []
 
 
 def test_a_doubt_of_schema_1_stands_under_the_code_of_today(tmp_path):
     folder = HERE / "1-verdict" / SMALL
     result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    numbers = {"level": {"value": 2.0, "unit": "N"}, "aside": {"value": 20.0, "unit": ""}}
-    doubt = {"code": "run-set-aside", "severity": "doubt", "parameter": "", "numbers": numbers, "names": {}}
+    doubt = Finding("run-set-aside", "doubt", numbers={"level": Quantity(2.0, "N"), "aside": 20.0}).to_dict()
     words = {"sentences": ["This run disagrees."], "next_steps": [""], "headline": "Doubtful"}
     result["verdict"] = {"state": "doubtful", "decided_by": [doubt], **words}
-    (tmp_path / SMALL).mkdir()
-    (tmp_path / SMALL / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    place = write_result(tmp_path, result)
     (entry,) = read_results(tmp_path)
     assert [decided["code"] for decided in entry.verdict["decided_by"]] == ["points-excluded"]
-    small, _ = compare_results(folder, tmp_path / SMALL)
+    small, _ = compare_results(folder, place)
     assert [finding.code for finding in small.fits[1].verdict.decided_by] == ["points-excluded"]
     assert is_worse(small)

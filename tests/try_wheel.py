@@ -20,16 +20,14 @@ import time
 import tomllib
 import zipfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
-
-SECONDS = 600
-"""A step that takes longer hangs: the slowest, installing over a slow line, takes a minute or two."""
-
+SECONDS = 600  # of a step; longer ones hang: the slowest, installing over a slow line, takes a minute or two
 _CLASSIFIER = "Programming Language :: Python :: "
 
+# imports every module: a dependency that pyproject.toml does not declare is missed here
 MODULES = """
 import importlib, pkgutil, sys, pathlib, rsgen
 place = pathlib.Path(rsgen.__file__).resolve()
@@ -41,37 +39,29 @@ missing = [name for name in rsgen.__all__ if not hasattr(rsgen, name)]
 assert not missing, missing
 print(len(names))
 """
-"""Imports every module: a dependency that pyproject.toml does not declare is missed here."""
-
+# a measured case: its binary file is read in the confined process, which must find the installed package
 EXAMPLE = "mat-struct"
-"""A measured case: its binary file is read in the confined process, which must find the installed package."""
-
-
+# pip cannot choose the lowest versions
 UV = (sys.executable, "-m", "uv", "pip", "install", "--quiet")
 LOWEST = ("--resolution", "lowest-direct")
-"""pip cannot choose the lowest versions."""
 
 
 class WheelError(Exception):
     """The package does not work outside its repository."""
 
 
-@dataclass(frozen=True)
-class Environment:
+class Environment(NamedTuple):
     """An empty environment to be: its name, the Python it is made with, and how the packages are chosen."""
 
     name: str
     python: str
     options: tuple[str, ...] = ()
-    lowest: bool = False
 
 
 def declared_versions() -> list[str]:
-    """Give the versions of Python that pyproject.toml promises, lowest first."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    named = [
-        text.removeprefix(_CLASSIFIER) for text in project["classifiers"] if text.startswith(_CLASSIFIER)
-    ]
+    """Return the versions of Python that pyproject.toml promises, lowest first."""
+    classifiers = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["classifiers"]
+    named = [text.removeprefix(_CLASSIFIER) for text in classifiers if text.startswith(_CLASSIFIER)]
     return sorted(named, key=lambda version: tuple(map(int, version.split("."))))
 
 
@@ -101,14 +91,14 @@ def find_python(version: str) -> str | None:
 
 
 def clean_environment(home: Path) -> dict[str, str]:
-    """Give the variables of this process without what would lead back to the repository or its settings."""
+    """Return the variables of this process without what would lead back to the repository or its settings."""
     leads = ("PYTHON", "VIRTUAL_ENV", "RSGEN_", "NUMBA_", "MPL", "COVERAGE", "PYTEST")
     kept = {name: value for name, value in os.environ.items() if not name.startswith(leads)}
     return kept | {"RSGEN_CACHE": str(home / "cache"), "PYTHONUTF8": "1", "PYTHONWARNINGS": "error"}
 
 
 def call(words: Sequence[str | Path], folder: Path, code: int = 0, **added: str) -> str:
-    """Run a program in a folder, give what it printed; WheelError where it ends otherwise or not at all."""
+    """Run a program in a folder, return what it printed; WheelError where it ends otherwise or not at all."""
     texts = [str(word) for word in words]
     shown = " ".join([Path(texts[0]).name, *texts[1:]])[:200]
     try:
@@ -130,41 +120,33 @@ def build(out: Path) -> tuple[Path, Path]:
 
 
 def files_of(folder: str) -> set[str]:
-    return {
-        path.relative_to(ROOT).as_posix()
-        for path in (ROOT / folder).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts
-    }
+    found = (path for path in (ROOT / folder).rglob("*") if path.is_file())
+    return {path.relative_to(ROOT).as_posix() for path in found if "__pycache__" not in path.parts}
 
 
 def check_contents(sdist: Path, wheel: Path) -> None:
     """Hold what is packed against the repository: the package and the examples, nothing else."""
-    mine = files_of("rsgen")
+    package, cases = files_of("rsgen"), files_of("cases")
     packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    wanted = mine | {name.replace("cases/", "rsgen/examples/", 1) for name in files_of("cases")}
+    wanted = package | {name.replace("cases/", "rsgen/examples/", 1) for name in cases}
     if packed != wanted:
         raise WheelError(f"{wheel.name}: differs from the folders rsgen and cases: {sorted(packed ^ wanted)}")
     with tarfile.open(sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    wanted = (
-        mine
-        | files_of("cases")
-        | {"pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md", "constraints.txt"}
-    )
-    wanted |= {"tests/conftest.py", "Makefile"}
-    if wanted - names:
-        raise WheelError(f"{sdist.name}: lacks {sorted(wanted - names)}")
+    texts = {"README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md"}
+    texts |= {"pyproject.toml", "constraints.txt", "tests/conftest.py", "Makefile"}
+    if missing := (package | cases | texts) - names:
+        raise WheelError(f"{sdist.name}: lacks {sorted(missing)}")
 
 
 def install(environment: Environment, wheel: Path, folder: Path) -> Path:
     place = folder / "venv"
     call([environment.python, "-m", "venv", place], folder)
     python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    if environment.lowest:
-        call([*UV, "--python", python, *LOWEST, wheel], folder)
-    else:
-        pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        call([*pip, *environment.options, wheel], folder, PYTHONWARNINGS="default")
+    words: list[str | Path] = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    if environment.options == LOWEST:
+        words = [*UV, "--python", python]
+    call([*words, *environment.options, wheel], folder, PYTHONWARNINGS="default")
     return python
 
 
@@ -185,48 +167,50 @@ def use(python: Path, version: str, folder: Path) -> None:
         told = call([*words, "--version"], folder).strip()
         if told != f"rsgen {version}":
             raise WheelError(f"{words[-1]} --version: {told!r}, and the wheel is of {version}")
-    _expect(call([rsgen, "laws"], folder), "cubic-spring")
-    _expect(call([rsgen, "derive", "k*x + kn*x**3 + c*v"], folder), "closed form")
+    for command, part in ((["laws"], "cubic-spring"), (["derive", "k*x + kn*x**3 + c*v"], "closed form")):
+        if part not in (text := call([rsgen, *command], folder)):
+            raise WheelError(f"{part!r} is not in:\n{text}")
     call([rsgen, "init", "small.toml"], folder)
-    call([rsgen, "run", "small.toml", "--out", "out", "--jobs", "1"], folder)
-    _expect_state(folder / "out" / "small", "accepted")
     call([rsgen, "examples", "."], folder)
-    call([rsgen, "run", f"cases/formats/{EXAMPLE}.toml", "--out", "out", "--jobs", "1"], folder)
-    _expect_state(folder / "out" / EXAMPLE, "identified")
-
-
-def _expect(text: str, part: str) -> None:
-    if part not in text:
-        raise WheelError(f"{part!r} is not in:\n{text}")
-
-
-def _expect_state(folder: Path, state: str) -> None:
-    found = json.loads((folder / "result.json").read_text(encoding="utf-8"))["verdict"]
-    if found["state"] != state or not (folder / "report.html").is_file():
-        raise WheelError(f"{folder.name}: {found['headline']}; {state} is expected, and a report")
+    for case, state in (("small.toml", "accepted"), (f"cases/formats/{EXAMPLE}.toml", "identified")):
+        call([rsgen, "run", case, "--out", "out", "--jobs", "1"], folder)
+        place = folder / "out" / Path(case).stem
+        found = json.loads((place / "result.json").read_text(encoding="utf-8"))["verdict"]
+        if found["state"] != state or not (place / "report.html").is_file():
+            raise WheelError(f"{case}: {found['headline']}; {state} is expected, and a report")
 
 
 def environments(only_this: bool) -> tuple[list[Environment], list[str]]:
-    """Give the environments to try and the versions of Python that are not found here."""
-    versions = declared_versions()
+    """Return the environments to try and the versions of Python that are not found here."""
     if only_this:
         return [Environment("this Python", sys.executable)], []
-    found = {version: path for version in versions if (path := find_python(version))}
-    made = [Environment(f"Python {version}", path) for version, path in found.items()]
-    lowest = found.get(versions[0])
-    if lowest:
+    found = {version: find_python(version) for version in declared_versions()}
+    made = [Environment(f"Python {version}", path) for version, path in found.items() if path]
+    if lowest := found[declared_versions()[0]]:
         # newer versions of Python have no binary packages of the oldest versions of the dependencies
-        made.append(Environment("lowest versions", lowest, lowest=True))
+        made.append(Environment("lowest versions", lowest, LOWEST))
     pinned = ("--constraint", str(ROOT / "constraints.txt"))
     made.append(Environment("constraints.txt", sys.executable, pinned))
-    return made, [version for version in versions if version not in found]
+    return made, [f"not found here: Python {version}" for version, path in found.items() if not path]
+
+
+def tried(environment: Environment, wheel: Path, folder: Path) -> bool:
+    """Install and use the wheel in an environment, print how that went, and return True if it works."""
+    folder.mkdir()
+    begin, result = time.monotonic(), "works"
+    try:
+        use(install(environment, wheel, folder), wheel.name.split("-")[1], folder)
+    except WheelError as fault:
+        result = f"DOES NOT WORK: {fault}"
+    print(f"{environment.name}: {result} ({time.monotonic() - begin:.0f} s)", flush=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    return result == "works"
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--this", action="store_true", help="try only the Python that runs this")
     chosen, absent = environments(parser.parse_args().this)
-    failed = 0
     with tempfile.TemporaryDirectory(prefix="rsgen-wheel-", ignore_cleanup_errors=True) as made:
         place = Path(made)
         (place / "dist").mkdir()
@@ -237,28 +221,14 @@ def main() -> int:
             print(fault)
             return 1
         print(f"built {sdist.name} and {wheel.name}", flush=True)
-        skipped = [environment for environment in chosen if environment.lowest]
-        if skipped and uv_reaches_packages(place):
-            skipped = []
-        for number, environment in enumerate(chosen):
-            if environment in skipped:
-                continue
-            folder = place / str(number)
-            folder.mkdir()
-            begin = time.monotonic()
-            try:
-                use(install(environment, wheel, folder), wheel.name.split("-")[1], folder)
-                result = "works"
-            except WheelError as fault:
-                failed += 1
-                result = f"DOES NOT WORK: {fault}"
-            print(f"{environment.name}: {result} ({time.monotonic() - begin:.0f} s)", flush=True)
-            shutil.rmtree(folder, ignore_errors=True)
-    if skipped:
-        print("NOT TRIED, uv reaches no packages: lowest versions")
-    if absent:
-        print(f"NOT TRIED, not found here: Python {', '.join(absent)}")
-    return 1 if failed else 0
+        lowest = [environment for environment in chosen if environment.options == LOWEST]
+        if lowest and not uv_reaches_packages(place):
+            chosen.remove(*lowest)
+            absent.append("uv reaches no packages: lowest versions")
+        works = [tried(one, wheel, place / str(number)) for number, one in enumerate(chosen)]
+    for reason in absent:
+        print(f"NOT TRIED, {reason}")
+    return 0 if all(works) else 1
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from tests.kernel.test_store import DAMAGES, WAYS, WAYS_OF_ROOT, Planted
 from tests.programs import python
 
 LAW, OTHER_LAW = "c*v + k*x", "c*v + 3*k*x"
-
+# a period of one oscillator, by a kernel from the cache if one can be trusted there
 PROGRAM = f"""
 import numpy as np
 from rsgen.formula.reading import parse
@@ -29,7 +29,6 @@ state = kernel.integrate(
 ).state
 print(state.tobytes().hex())
 """
-"""A period of one oscillator, by a kernel from the cache if one can be trusted there."""
 
 
 def _numbers(place: Path) -> str:
@@ -52,8 +51,8 @@ def _full_folder(entry: Path) -> None:
     (entry / "more").mkdir(parents=True)
 
 
+# what a new compilation cannot mend in the cache; it works without
 FURTHER: dict[str, Callable[[Path], object]] = {"folder that is not empty": _full_folder}
-"""Damages that a new compilation cannot mend in the cache; it works without."""
 
 
 def damage(kind: str, compiled: Path, expected: str) -> str:
@@ -95,14 +94,10 @@ def run(count: int, seed: int) -> list[Row]:
     executed = [name for name, (ran, _) in found.items() if ran]
     wrong_ways = [f"{name}: {text}" for name, (_, text) in found.items() if text]
     shown = [f" ({'; '.join(which[:5])})" if which else "" for which in (wrong, [*executed, *wrong_ways])]
-    asked = str(len(kinds))
+    count, same = len(kinds), "the same numbers from two new processes"
+    right = f"{count - len(wrong)} of {count}{shown[0]}"
+    ran = f"{len(executed)} of {len(ways)}{shown[1]}"
     return [
-        row(
-            f"damaged cache entries, {asked} kinds: the same numbers from two new processes",
-            f"{asked} of {asked}", f"{len(kinds) - len(wrong)} of {asked}{shown[0]}",
-        ),
-        row(
-            f"machine code planted in the cache, {len(ways)} ways: executed", "0",
-            f"{len(executed)} of {len(ways)}{shown[1]}",
-        ),
-    ]  # fmt: skip
+        row(f"damaged cache entries, {count} kinds: {same}", f"{count} of {count}", right),
+        row(f"machine code planted in the cache, {len(ways)} ways: executed", "0", ran),
+    ]

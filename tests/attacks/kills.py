@@ -47,12 +47,12 @@ class Tally:
 def _signal(leader: int, number: signal.Signals, whom: str, out: Path) -> bool:
     """Send a signal to a run, to all its processes as a terminal does, or to a worker; False if over."""
     # a hidden folder names the process that fills it
-    workers = [int(folder.name.split(".")[2]) for folder in out.glob(".*.part")]
-    if whom == "a worker" and not workers:
-        return False
+    workers = (int(folder.name.split(".")[2]) for folder in out.glob(".*.part"))
+    target = next(workers, None) if whom == "a worker" else leader
     with suppress(ProcessLookupError):
-        (os.killpg if whom == "all" else os.kill)(workers[0] if whom == "a worker" else leader, number)
-        return True
+        if target is not None:
+            (os.killpg if whom == "all" else os.kill)(target, number)
+            return True
     return False
 
 
@@ -109,19 +109,16 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
 
 
 def _undisturbed(place: Path) -> float:
-    """Run two cases, then one of them, compiled before; give the seconds of the latter."""
-    (place / "cases").mkdir()
+    """Run two cases, then one of them, compiled before; return the seconds of the latter."""
+    cases, words = place / "cases", ("--out", place / "out", "--jobs", "1", "--force")
+    cases.mkdir()
     for name, k in (("one", 5920.0), ("two", 6100.0)):
-        program.write_case(place / "cases", name, k=k)
-    words = ("--out", place / "out", "--jobs", "1", "--force")
-    ends = [
-        program.rsgen("run", which, *words, env=program.environment(place))
-        for which in (place / "cases", place / "cases" / "one.toml")
-    ]
-    faults = [ended.fault(0) for ended in ends if ended.fault(0)]
-    if faults:
-        raise RuntimeError(f"an undisturbed run failed: {faults[0]}")
-    return ends[1].seconds
+        program.write_case(cases, name, k=k)
+    for which in (cases, cases / "one.toml"):
+        ended = program.rsgen("run", which, *words, env=program.environment(place))
+        if ended.fault(0):
+            raise RuntimeError(f"an undisturbed run failed: {ended.fault(0)}")
+    return ended.seconds
 
 
 def run(count: int, seed: int) -> list[Row]:

@@ -14,20 +14,8 @@ from functools import cache
 from os import geteuid
 from pathlib import Path
 
-from tests.attacks.program import (
-    COMMAND,
-    Ended,
-    Row,
-    end,
-    environment,
-    failures,
-    leftovers,
-    lies,
-    rsgen,
-    start,
-    temporary,
-    write_case,
-)  # fmt: skip
+from tests.attacks import program
+from tests.attacks.program import Ended, Row, end, environment, start, temporary, write_case
 
 DONE, REFUSED = (0,), (2,)
 EITHER = DONE + REFUSED
@@ -42,9 +30,7 @@ class Line:
     text: str  # ``{place}`` is the folder in which it runs
     codes: tuple[int, ...] = DONE  # exit codes that are right
     spoken: bool = True  # somebody can read standard error
-    changes: Mapping[str, str | None] = field(
-        default_factory=dict
-    )  # variables that are others; None: not set
+    changes: Mapping[str, str | None] = field(default_factory=dict)  # variables; None: not set
     mounts: str = ""  # what is mounted before, for this line alone
 
 
@@ -177,33 +163,30 @@ def judge(place: Path, ended: Ended, *codes: int, spoken: bool = True) -> str:
         fault = "code 2 without a word"
     if not fault and ended.err.count("\n") > 3:
         fault = f"more than a sentence: {ended.err[:400]}"
-    return fault or "; ".join(lies(place / "out") + leftovers(place / "out", place / "tmp"))
+    out = place / "out"
+    return fault or "; ".join(program.lies(out) + program.leftovers(out, place / "tmp"))
 
 
 def attack(place: Path, line: Line) -> str:
     """Run a line in a folder with three cases; say what is wrong, "" where nothing is."""
     for name in ("small", "two", "three"):
         write_case(place, name)
-    around = environment(
-        place, **{key: value and value.format(place=place) for key, value in line.changes.items()}
-    )
-    program = f'rsgen() {{ {shlex.join(COMMAND)} "$@"; }}\n'
+    changes = {key: value and value.format(place=place) for key, value in line.changes.items()}
+    begin = f'rsgen() {{ {shlex.join(program.COMMAND)} "$@"; }}\n'
     text = line.text.replace("{place}", str(place))
-    command = ["bash", "-c", program + text]
+    command = ["bash", "-c", begin + text]
     if line.mounts:
         # what is mounted is gone with the namespace, so that it is looked at inside
         seen = "ls -A out 2> /dev/null | grep '^[.]' && echo Traceback: hidden files are left"
         text = f"{line.mounts}\nset +e; {text}; code=$?; {seen}; exit $code"
-        command = [*namespace(), "bash", "-ec", program + text]
-    return judge(
-        place, end(start((), command=command, cwd=place, env=around)), *line.codes, spoken=line.spoken
-    )
+        command = [*namespace(), "bash", "-ec", begin + text]
+    ended = end(start((), command=command, cwd=place, env=environment(place, **changes)))
+    return judge(place, ended, *line.codes, spoken=line.spoken)
 
 
 def _begun(place: Path, jobs: str) -> object:
-    process = start(
-        ("run", write_case(place), "--out", place / "out", "--jobs", jobs), env=environment(place)
-    )
+    words = ("run", write_case(place), "--out", place / "out", "--jobs", jobs)
+    process = start(words, env=environment(place))
     while not list((place / "out").glob(".small.*.part")) and process.poll() is None:
         pass
     return process
@@ -218,7 +201,7 @@ def changing_case(place: Path) -> str:
     notebook = (place / "out" / "small" / "notebook.ipynb").read_text()
     if "k = 7000.0" in notebook or "k = 5920.0" not in notebook:
         return "the notebook holds another case than the result"
-    again = rsgen("run", case, "--out", place / "out", env=environment(place))
+    again = program.rsgen("run", case, "--out", place / "out", env=environment(place))
     if "unchanged" in again.out:
         return "the changed case is taken for the one that ran"
     return judge(place, again, *DONE)
@@ -246,13 +229,12 @@ ATTACKS: dict[str, Line | Callable[[Path], str]] = {
 def namespace() -> tuple[str, ...]:
     """Return the words that make a mount namespace; () where the system does not allow one."""
     words = ("unshare", "--mount") if geteuid() == 0 else ("unshare", "--mount", "--map-root-user")
+    mount = [*words, "mount", "-t", "tmpfs", "none", "/mnt"]
     try:
-        tried = subprocess.run(
-            [*words, "mount", "-t", "tmpfs", "none", "/mnt"], check=False, capture_output=True, timeout=10
-        )
-    except (OSError, subprocess.TimeoutExpired):
+        subprocess.run(mount, check=True, capture_output=True, timeout=10)
+    except (OSError, subprocess.SubprocessError):
         return ()
-    return words if tried.returncode == 0 else ()
+    return words
 
 
 def run(count: int, seed: int) -> list[Row]:
@@ -272,4 +254,4 @@ def run(count: int, seed: int) -> list[Row]:
                 wrong += [f"{name}: {fault}"] * bool(fault)
     left = "" if namespace() else f"; {len(MOUNTED)} that need a mount namespace not tried"
     figure = f"surroundings, {len(names)} kinds: tracebacks, hangs, half results, wrong exit codes"
-    return [failures(figure, wrong, f" of {len(names)}{left}")]
+    return [program.failures(figure, wrong, f" of {len(names)}{left}")]

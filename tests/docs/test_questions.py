@@ -15,9 +15,8 @@ from tests.case_files import MEASURED, write_small
 from tests.oracles.swept import sweep
 
 PAGE = (ROOT / "docs" / "howto" / "questions.md").read_text(encoding="utf-8")
-LAW = "k*x + k3*x**3 + c*v"
+LAW, MASS = "k*x + k3*x**3 + c*v", 1.5
 VALUES = {"k": 6000.0, "k3": 2e6, "c": 6.0}
-MASS = 1.5
 LEVELS = (1, 3, 6)
 RATE, SECONDS = 256.0, 100.0
 
@@ -70,13 +69,17 @@ def sweeps():
     return time, force, make_interp_spline(time, motion, k=7).derivative(2)(time)
 
 
+def write_columns(path: Path, titles: str, *columns: np.ndarray) -> None:
+    rows = np.column_stack(columns)
+    np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=titles, comments="")
+
+
 def test_force_and_response_in_two_files_one_level_held_out(tmp_path, sweeps):
     time, force, acceleration = sweeps
     for number, level in enumerate(LEVELS):
-        for name, title, values in (("u", "force_N", force), ("y", "acceleration_m/s^2", acceleration)):
-            rows = np.column_stack([time, values[:, number]])
-            path = tmp_path / f"{name}_{level}N.csv"
-            np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=f"time_s,{title}", comments="")
+        write_columns(tmp_path / f"u_{level}N.csv", "time_s,force_N", time, force[:, number])
+        title = "time_s,acceleration_m/s^2"
+        write_columns(tmp_path / f"y_{level}N.csv", title, time, acceleration[:, number])
     ((_, files),) = blocks("Force and response lie in two files, the level in the name")
     ((_, held),) = blocks("One of several files is to be predicted, not fitted")
     read = case(tmp_path, files, held)
@@ -90,10 +93,8 @@ def test_irregular_time_stamps_are_sampled_anew_with_the_program_of_the_page(tmp
     late = np.random.default_rng(1).uniform(-0.3, 0.3, len(time)) / RATE
     stamps = time + late
     for number, level in enumerate(LEVELS):
-        rows = [np.interp(stamps, time, values[:, number]) for values in (force, acceleration)]
-        rows = np.column_stack([stamps, *rows])
-        title = "time_s,force_N,acceleration_m/s^2"
-        np.savetxt(tmp_path / f"raw_{level}N.csv", rows, fmt="%.9g", delimiter=",", header=title, comments="")
+        seen = [np.interp(stamps, time, values[:, number]) for values in (force, acceleration)]
+        write_columns(tmp_path / f"raw_{level}N.csv", "time_s,force_N,acceleration_m/s^2", stamps, *seen)
     (_, rough), (kind, program) = blocks("The time stamps are irregular")
     assert kind == "py"
     files = {

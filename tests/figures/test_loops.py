@@ -39,11 +39,9 @@ def sines(stiffness: np.ndarray, damping: np.ndarray, amplitude: np.ndarray) -> 
 def test_a_measured_loop_is_the_force_that_moved_the_mass():
     phase = 2 * np.pi * np.arange(512) / 512
     # any periodic force of the joint: its harmonics move the mass, whose fundamental the test drives
-    wanted = np.array(
-        [project(jenkins(phase, 3 * SLIP) + 5e3 * 3 * SLIP * np.cos(phase), h) for h in range(10)]
-    )
-    omega = 60.0
-    orders = np.arange(10)
+    along = jenkins(phase, 3 * SLIP) + 5e3 * 3 * SLIP * np.cos(phase)
+    omega, orders = 60.0, np.arange(10)
+    wanted = np.array([project(along, order) for order in orders])
     harmonics = np.where(orders > 1, wanted / (M * (np.maximum(orders, 1) * omega) ** 2), 0)
     harmonics[1] = 3 * SLIP
     force = wanted[1] - M * omega**2 * harmonics[1]
@@ -74,9 +72,8 @@ def test_a_loop_along_a_motion_without_its_mean_has_no_mean():
     # the force at a mean displacement; a sample at the corner has the mean of its step
     place = np.cos(2 * np.pi * np.arange(len(force)) / len(force)) * 1e-3
     mean = (force.max() - (4e4 + 2.6e4) * 1e-3) / (4e4 + 2.6e4)
-    np.testing.assert_allclose(
-        force, 4e4 * (place + mean) + 2.6e4 * np.maximum(place + mean, 0), atol=1e-3 * np.ptp(force)
-    )
+    expected = 4e4 * (place + mean) + 2.6e4 * np.maximum(place + mean, 0)
+    np.testing.assert_allclose(force, expected, atol=1e-3 * np.ptp(force))
 
 
 @pytest.mark.slow

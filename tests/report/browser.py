@@ -28,10 +28,8 @@ _FLAGS = (
 )  # fmt: skip
 _START_SECONDS = 60
 
-
+# the usual judge of accessibility; ``make test-all`` fetches it
 AXE = Path(sys.prefix, "share", "axe-core", "package", "axe.min.js")
-"""The usual judge of accessibility; ``make test-all`` fetches it."""
-
 AXE_RUN = """
 axe.run(document, {resultTypes: ["violations"]}).then(found => JSON.stringify(found.violations.map(rule =>
   `${rule.id}: ` + rule.nodes.slice(0, 3).map(node => node.target + " " + node.failureSummary).join("; "))))
@@ -57,20 +55,15 @@ class Page:
     _number: Any = field(default_factory=lambda: itertools.count(1))
 
     def _note(self, method: str, event: dict[str, Any]) -> None:
-        if method == "Network.requestWillBeSent":
-            address = event["request"]["url"]
-            if not address.startswith("data:"):
-                self.requests.append(address)
-        elif method == "Log.entryAdded":
-            self.complaints.append(event["entry"]["text"])
-        elif method == "Runtime.exceptionThrown":
-            self.complaints.append(json.dumps(event["exceptionDetails"])[:300])
-        elif method == "Runtime.consoleAPICalled":
-            self.complaints.append(f"console: {event['type']}")
-        elif method == "Page.javascriptDialogOpening":
-            self.dialogs.append(event["message"])
-        elif method == "Page.loadEventFired":
-            self.loaded = True
+        match method:
+            case "Network.requestWillBeSent" if not event["request"]["url"].startswith("data:"):
+                self.requests.append(event["request"]["url"])
+            case "Page.javascriptDialogOpening":
+                self.dialogs.append(event["message"])
+            case "Log.entryAdded" | "Runtime.exceptionThrown" | "Runtime.consoleAPICalled":
+                self.complaints.append(json.dumps(event)[:300])
+            case "Page.loadEventFired":
+                self.loaded = True
 
     async def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         number = next(self._number)
@@ -94,10 +87,8 @@ class Page:
         self, address: str, width: int = 1200, height: int = 900, *, dark: bool = False, media: str = ""
     ) -> None:
         self.loaded = False
-        await self.call(
-            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1,
-            mobile=width < 600,
-        )  # fmt: skip
+        size = {"width": width, "height": height, "mobile": width < 600}
+        await self.call("Emulation.setDeviceMetricsOverride", **size, deviceScaleFactor=1)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         await self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
         await self.call("Page.navigate", url=address)
@@ -105,9 +96,8 @@ class Page:
             await self._read(lambda message: "method" in message)
 
     async def ask(self, expression: str, *, wait: bool = False) -> Any:
-        answer = await self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=wait
-        )
+        how = {"returnByValue": True, "awaitPromise": wait}
+        answer = await self.call("Runtime.evaluate", expression=expression, **how)
         return answer["result"].get("value")
 
     async def violations(self) -> str:
@@ -129,11 +119,8 @@ class Page:
 @contextlib.asynccontextmanager
 async def open_page(browser: str) -> AsyncIterator[Page]:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        process = subprocess.Popen(
-            [browser, *_FLAGS, f"--user-data-dir={profile}", "about:blank"],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        words = [browser, *_FLAGS, f"--user-data-dir={profile}", "about:blank"]
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             port = await _port(Path(profile), process)
             reply = await AsyncHTTPClient().fetch(f"http://127.0.0.1:{port}/json/list")
@@ -148,9 +135,8 @@ async def open_page(browser: str) -> AsyncIterator[Page]:
             process.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(10)
-            if process.poll() is None:
-                process.kill()
-                process.wait(10)
+            process.kill()
+            process.wait(10)
 
 
 async def _port(profile: Path, process: subprocess.Popen[bytes]) -> int:

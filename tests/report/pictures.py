@@ -8,8 +8,7 @@ from PIL import Image, ImageOps
 
 from tests.report.browser import Page, find_browser, in_browser
 
-ROOT = Path(__file__).parents[2]
-REPORTS = ROOT / "reports"
+REPORTS = Path(__file__).parents[2] / "reports"
 PICTURES = REPORTS / "pictures"
 
 # name, page, width and height [px], dark, print, the element that is at the top
@@ -45,8 +44,7 @@ def main() -> None:
     missing = [shot[1] for shot in SHOTS if not (REPORTS / shot[1] / "report.html").is_file()]
     if missing:
         sys.exit(f"reports/: no report of {', '.join(missing)}; `make reports` first")
-    browser = find_browser()
-    if browser is None:
+    if (browser := find_browser()) is None:
         sys.exit("no chromium here")
     PICTURES.mkdir(exist_ok=True)
     for name, content in in_browser(browser, shoot).items():

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rsgen.common.finding import Finding, earlier_codes
+from rsgen.common.finding import Finding, Quantity, earlier_codes
 from rsgen.report.sentences import CODES, next_step, sentence
 
 CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_1.json").read_text("utf-8"))
@@ -18,9 +18,8 @@ CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_
 @pytest.mark.parametrize("severity", ["info", "doubt"])
 def test_every_earlier_finding_is_said(severity):
     for code, data in CODES_OF_SCHEMA_1.items():
-        numbers = {name: {"value": 2.0, "unit": "m"} for name in data["numbers"]}
-        entry = {"code": code, "severity": severity, "parameter": "kn", "numbers": numbers}
-        finding = Finding.from_dict({**entry, "names": data["names"]})
+        numbers = {name: Quantity(2.0, "m") for name in data["numbers"]}
+        finding = Finding.from_dict(Finding(code, severity, "kn", numbers, data["names"]).to_dict())
         assert finding.code in CODES
         assert (finding.severity, finding.parameter) == (severity, "kn")
         assert sentence(finding) not in ("", repr(finding))

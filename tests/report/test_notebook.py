@@ -8,7 +8,7 @@ from ast import literal_eval
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from types import CodeType, FrameType
+from types import FrameType
 
 import nbformat
 import numpy as np
@@ -84,11 +84,6 @@ def test_texts_of_a_case_are_never_code(title):
         assert not any(line.lstrip().startswith(("!", "%", "?")) for line in source.splitlines())
 
 
-def test_the_notebook_says_that_its_curves_have_all_harmonics():
-    (cell,) = (cell for cell in build_notebook(cubic_case()).cells if cell.id == "about-prediction")
-    assert "the balance of all harmonics for $\\omega$; its first order is $F^2" in cell.source
-
-
 def test_a_notebook_predicts_the_levels_of_the_page():
     """It took nominal levels, where the page has the forces that were measured near resonance."""
     driven = surface("cubic", levels=np.array([1.9, 3.8, 7.6]))
@@ -96,26 +91,28 @@ def test_a_notebook_predicts_the_levels_of_the_page():
     asked = model("cubic", MASS, hold_out=(4.0,))
     asked = replace(asked, observation=replace(asked.observation, predict=(3.81, 6.0)))
     found = rsgen.identify(table, asked)
-    (cell,) = (cell for cell in build_notebook(cubic_case()).cells if cell.id == "prediction")
+    cells = {cell.id: cell.source for cell in build_notebook(cubic_case()).cells}
     space = {"rsgen": rsgen, "figures": figures, "surface": table, "identification": found}
-    exec(cell.source, space | {"case": cubic_case(model=asked)}, space)
+    exec(cells["prediction"], space | {"case": cubic_case(model=asked)}, space)
     levels = [curve.level for curve in space["prediction"]]
     assert levels == [curve.level for curve in predict_shown(table, found)] == [1.9, 3.8, 6.0, 7.6]
+    assert "balance of all harmonics for $\\omega$; its first order is $F^2" in cells["about-prediction"]
 
 
 def test_only_the_public_interface_is_called():
-    for loops, held_out in ((False, False), (True, True)):
-        for source in code_cells(build_notebook(cubic_case(), loops=loops, held_out=held_out)):
-            for node in ast.walk(ast.parse(source)):
-                if isinstance(node, ast.Import):
-                    assert {alias.name for alias in node.names} <= {"pathlib", "tempfile", "rsgen"}
-                elif isinstance(node, ast.ImportFrom):
-                    assert (node.module, [alias.name for alias in node.names]) == ("rsgen", ["figures"])
-                elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-                    if node.value.id == "rsgen":
-                        assert node.attr in rsgen.__all__
-                    elif node.value.id == "figures":
-                        assert node.attr in figures.__all__
+    source = "\n".join(
+        cell
+        for more in (False, True)
+        for cell in code_cells(build_notebook(cubic_case(), loops=more, held_out=more))
+    )
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            assert {alias.name for alias in node.names} <= {"pathlib", "tempfile", "rsgen"}
+        elif isinstance(node, ast.ImportFrom):
+            assert (node.module, [alias.name for alias in node.names]) == ("rsgen", ["figures"])
+        elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in ("rsgen", "figures"):
+            module = rsgen if node.value.id == "rsgen" else figures
+            assert node.attr in module.__all__
 
 
 @pytest.mark.slow
@@ -147,12 +144,11 @@ def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkey
     nbformat.validate(run)
     assert str(tmp_path) not in str(run)
     alone = build_notebook(case)
-    empty = tmp_path / "empty"
-    empty.mkdir()
+    (tmp_path / "empty").mkdir()
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
     monkeypatch.setenv("MPLBACKEND", "agg")
     client = NotebookClient(alone, timeout=300, coalesce_streams=True, record_timing=False)
-    client.execute(cwd=str(empty))
+    client.execute(cwd=str(tmp_path / "empty"))
     assert outputs(run) == outputs(alone)
     assert [cell.source for cell in run.cells] == [cell.source for cell in alone.cells]
     pictures = [out for cell in outputs(run).values() for out in cell if "image/png" in out.get("data", {})]
@@ -164,18 +160,6 @@ def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkey
     assert kinds == {"stdout", "execute_result"}
 
 
-def counted() -> dict[CodeType, str]:
-    """Code of the public functions that a run needs at most once."""
-    functions = [
-        *(
-            getattr(rsgen, name)
-            for name in ("load_case", "simulate", "identify", "rank", "predict", "compare")
-        ),
-        *(getattr(figures, name) for name in figures.__all__ if name.startswith("draw_")),
-    ]
-    return {inspect.unwrap(function).__code__: function.__name__ for function in functions}
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_laws")
 @pytest.mark.parametrize("model", ["declared", pytest.param("rank", marks=pytest.mark.thorough)])
@@ -183,7 +167,10 @@ def test_a_run_loads_computes_and_draws_once(model, tmp_path):
     # a ranking has no parameters to accept
     unknown = {key: value for key, value in SPRING.items() if not key.startswith("accept")}
     path = write_small(tmp_path, changes=SPRING if model == "declared" else unknown | {"model": "rank"})
-    codes, calls = counted(), Counter[str]()
+    functions = [rsgen.load_case, rsgen.simulate, rsgen.identify, rsgen.rank, rsgen.predict, rsgen.compare]
+    functions += [getattr(figures, name) for name in figures.__all__ if name.startswith("draw_")]
+    codes = {inspect.unwrap(function).__code__: function.__name__ for function in functions}
+    calls = Counter[str]()
 
     def count(frame: FrameType, event: str, _: object) -> None:
         if event == "call" and frame.f_code in codes:
@@ -204,6 +191,4 @@ def test_failed_notebook_is_saved_and_says_which_cell(tmp_path):
     target = tmp_path / "notebook.ipynb"
     with pytest.raises(RsgenError, match=r"notebook\.ipynb: cell case: CaseError"):
         write_notebook(target, cubic_case(text="not a case"))
-    notebook = nbformat.read(target, as_version=4)
-    cell = next(cell for cell in notebook.cells if cell.id == "case")
-    assert cell.outputs[-1].output_type == "error"
+    assert outputs(nbformat.read(target, as_version=4))["case"][-1].output_type == "error"

@@ -3,10 +3,10 @@
 import re
 import tomllib
 from collections import defaultdict
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from string import Formatter
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -27,23 +27,6 @@ CHOICES = {
 }  # fmt: skip
 """Findings whose names are chosen from a list."""
 
-CHOICES_OF_ALL = {"base-misread": {"is": "rms"}}
-"""The same, where a finding has all numbers that it may have."""
-
-
-@dataclass
-class Sample:
-    """A finding that has every number and every name it is asked for."""
-
-    code: str
-    numbers: dict[str, Quantity]
-    names: dict[str, str]
-    severity: str = "info"
-    parameter: str = "kn"
-
-    def __getitem__(self, name: str) -> float:
-        return self.numbers[name].value
-
 
 class Everything(defaultdict[str, Any]):
     """A mapping that has every name, where one of the plain kind has those that it was asked for."""
@@ -52,16 +35,26 @@ class Everything(defaultdict[str, Any]):
         return True
 
 
-SPOKEN = [(code, defaultdict) for code in sorted(CODES)]
-SPOKEN += [(code, Everything) for code, say in sorted(CODES.items()) if not isinstance(say, partial)]
+def sample(code: str, size: float, mapping: type[defaultdict[str, Any]] = defaultdict, **choices: str) -> Any:
+    """A finding that has every number and every name it is asked for."""
+
+    class Sample(SimpleNamespace):
+        def __getitem__(self, name: str) -> float:
+            return float(self.numbers[name].value)
+
+    numbers = mapping(lambda: Quantity(size, "m"))
+    names = mapping(lambda: "<name>", CHOICES.get(code, {}) | choices)
+    return Sample(code=code, numbers=numbers, names=names, severity="info", parameter="kn")
 
 
 @pytest.mark.parametrize("size", [1.0, 4.5e-9, 3e7])
 def test_every_sentence_can_be_said(size):
-    for code, mapping in SPOKEN:
-        choices = CHOICES.get(code, {}) | (CHOICES_OF_ALL.get(code, {}) if mapping is Everything else {})
-        sample: Any = Sample(code, mapping(lambda: Quantity(size, "m")), mapping(lambda: "<name>", choices))
-        text = CODES[code](sample)
+    findings = [sample(code, size) for code in CODES]
+    for code in (code for code, say in CODES.items() if not isinstance(say, partial)):
+        # where a base has all numbers, it is another misreading
+        findings.append(sample(code, size, Everything, **({"is": "rms"} if code == "base-misread" else {})))
+    for finding in findings:
+        code, text = finding.code, CODES[finding.code](finding)
         assert text == text.strip(), code
         assert not re.search(r"\bnan\b|\{|\bNone\b|  |\.$", text), code
 
@@ -87,9 +80,7 @@ def test_a_code_has_one_sentence_and_one_next_step():
 
 def test_every_next_step_is_one_full_sentence():
     for code in NEXT_STEPS:
-        names: dict[str, str] = defaultdict(lambda: "<name>", CHOICES.get(code, {}))
-        sample: Any = Sample(code, defaultdict(lambda: Quantity(0.5, "m")), names)
-        text = next_step(sample)
+        text = next_step(sample(code, 0.5))
         assert (text[0].isupper(), text[-1]) == (True, "."), code
         assert not re.search(r"^\s|  |\{", text), code
 
