@@ -5,7 +5,6 @@
 
 import json
 import shutil
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,10 +12,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from numpy.random import Generator
 
-from rsgen import RsgenError, load_case
-from tests.attacks.child import Outcome, attacked, command, judged, measured
+from rsgen import load_case
+from tests.attacks.child import Outcome, attacked, command, judged, measured, said_of
 from tests.attacks.damage import DAMAGE
-from tests.attacks.texts import TEXTS, grown
+from tests.attacks.texts import TEXTS, grown, pick
 
 SECONDS = 10.0
 MEGABYTES = 1024.0
@@ -32,28 +31,24 @@ VALUES = (
 
 
 def other_value(text: str, rng: Generator) -> str:
-    """A key has a value of another kind or size."""
     lines = text.split("\n")
     places = [number for number, line in enumerate(lines) if "=" in line]
-    place = places[int(rng.integers(len(places)))]
-    key = lines[place].split("=")[0]
-    lines[place] = f"{key}= {VALUES[int(rng.integers(len(VALUES)))]}"
+    place = pick(rng, places)
+    lines[place] = f"{lines[place].split('=')[0]}= {pick(rng, VALUES)}"
     return "\n".join(lines)
 
 
 def other_law(text: str, rng: Generator) -> str:
-    """A force is a random or a pathological text."""
     lines = text.split("\n")
     places = [number for number, line in enumerate(lines) if line.lstrip().startswith("force ")]
-    make = grown if rng.random() < 0.5 else TEXTS[int(rng.integers(len(TEXTS)))]
+    make = grown if rng.random() < 0.5 else pick(rng, TEXTS)
     if places:
         law = json.dumps(make(rng)[:3000], ensure_ascii=False)
-        lines[places[int(rng.integers(len(places)))]] = f"force = {law}"
+        lines[pick(rng, places)] = f"force = {law}"
     return "\n".join(lines)
 
 
 def line_gone(text: str, rng: Generator) -> str:
-    """A line is missing, comes twice or stands elsewhere."""
     lines = text.split("\n")
     line = lines.pop(int(rng.integers(len(lines))))
     for _ in range(int(rng.integers(0, 3))):
@@ -74,8 +69,7 @@ def many_tables(text: str, rng: Generator) -> str:
 
 
 def damaged(text: str, rng: Generator) -> bytes:
-    """Bytes are others, missing or doubled."""
-    return DAMAGE[int(rng.integers(len(DAMAGE)))](text.encode(), rng)
+    return pick(rng, DAMAGE)(text.encode(), rng)
 
 
 WAYS: tuple[Callable[[str, Generator], str | bytes], ...] = (
@@ -85,8 +79,7 @@ WAYS: tuple[Callable[[str, Generator], str | bytes], ...] = (
 
 def attack(number: int, seed: int) -> Outcome:
     rng = np.random.default_rng([seed, number])
-    source = CASES[int(rng.integers(len(CASES)))]
-    way = WAYS[int(rng.integers(len(WAYS)))]
+    source, way = pick(rng, CASES), pick(rng, WAYS)
     content = way(source.read_text(encoding="utf-8"), rng)
     with TemporaryDirectory(prefix="rsgen-attack-") as folder:
         path = Path(folder) / source.name
@@ -94,17 +87,8 @@ def attack(number: int, seed: int) -> Outcome:
         for file in source.parent.iterdir() if source.parent.name == "formats" else ():
             if file.suffix not in (".toml", ".py") and file.is_file():
                 shutil.copy(file, folder)
-
-        def load() -> str:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                try:
-                    load_case(path)
-                except RsgenError as fault:
-                    return f"refused: {str(fault)[:200]}"
-            return "result"
-
-        outcome = measured(number, f"{source.name}: {way.__name__}", load)
+        name = f"{source.name}: {way.__name__}"
+        outcome = measured(number, name, lambda: said_of(lambda: load_case(path)))
     return judged(outcome, SECONDS, MEGABYTES)
 
 

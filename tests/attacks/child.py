@@ -8,6 +8,7 @@ import signal
 import sys
 import time
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -15,6 +16,8 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from multiprocessing.connection import Connection
 from pathlib import Path
+
+from rsgen.common.errors import RsgenError
 
 WALL_SECONDS = 180.0  # an attempt without an answer for so long hangs, whatever it does meanwhile
 RENEWED = 400  # attempts after which a child is replaced, so that growing caches do not hide what one takes
@@ -49,6 +52,22 @@ def _children() -> float:
     import resource  # which Windows lacks
 
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+
+
+def said_of(attempt: Callable[[], object], longest: int = 10_000) -> str:
+    """Say what an attempt comes to: a result, or a refusal, which is a sentence; warnings are errors.
+
+    A refusal may quote a formula of 2000 characters several times.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            attempt()
+        except RsgenError as fault:
+            text = str(fault)
+            plain = 0 < len(text) <= longest and text.replace("\n", " ").isprintable()
+            return f"refused: {text}" if plain else f"crash: a refusal that is no sentence: {text[:80]!r}"
+    return "result"
 
 
 def measured(number: int, name: str, attempt: Callable[[], str]) -> Outcome:

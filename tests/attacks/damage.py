@@ -9,6 +9,8 @@ from collections.abc import Callable
 import h5py
 from numpy.random import Generator
 
+from tests.attacks.texts import pick
+
 Damage = Callable[[bytes, Generator], bytes]
 EXTREMES = (0, 1, -1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, -(2**63))
 HEAD = 2048  # most of what a format declares stands before this byte
@@ -21,7 +23,6 @@ def _place(content: bytes, rng: Generator) -> int:
 
 
 def flip_bits(content: bytes, rng: Generator) -> bytes:
-    """Some bits are the other way round."""
     changed = bytearray(content)
     for _ in range(int(rng.integers(1, 12))):
         changed[_place(content, rng)] ^= 1 << int(rng.integers(0, 8))
@@ -29,7 +30,6 @@ def flip_bits(content: bytes, rng: Generator) -> bytes:
 
 
 def other_bytes(content: bytes, rng: Generator) -> bytes:
-    """Some bytes are others."""
     changed = bytearray(content)
     for _ in range(int(rng.integers(1, 12))):
         changed[_place(content, rng)] = int(rng.integers(0, 256))
@@ -37,23 +37,19 @@ def other_bytes(content: bytes, rng: Generator) -> bytes:
 
 
 def cut_off(content: bytes, rng: Generator) -> bytes:
-    """The end is missing."""
     return content[: _place(content, rng)]
 
 
 def beginning_missing(content: bytes, rng: Generator) -> bytes:
-    """The beginning is missing."""
     return content[_place(content, rng) :]
 
 
 def inserted(content: bytes, rng: Generator) -> bytes:
-    """Bytes that do not belong there."""
     place = _place(content, rng)
     return content[:place] + rng.bytes(int(rng.integers(1, 64))) + content[place:]
 
 
 def removed(content: bytes, rng: Generator) -> bytes:
-    """Bytes in the middle are missing."""
     place = _place(content, rng)
     return content[:place] + content[place + int(rng.integers(1, 64)) :]
 
@@ -71,7 +67,6 @@ def doubled(content: bytes, rng: Generator) -> bytes:
 
 
 def exchanged(content: bytes, rng: Generator) -> bytes:
-    """Two blocks in each other's place."""
     a, b = sorted(_place(content, rng) for _ in range(2))
     size = min(int(rng.integers(1, 256)), max(1, b - a))
     first, second = content[a : a + size], content[b : b + size]
@@ -79,11 +74,10 @@ def exchanged(content: bytes, rng: Generator) -> bytes:
 
 
 def extreme_number(content: bytes, rng: Generator) -> bytes:
-    """A length, count or address is an extreme number, of any width and byte order."""
     changed = bytearray(content)
     for _ in range(int(rng.integers(1, 4))):
         width, order = int(rng.choice([2, 4, 8])), str(rng.choice(["<", ">"]))
-        value = EXTREMES[int(rng.integers(len(EXTREMES)))] % 2 ** (8 * width)
+        value = pick(rng, EXTREMES) % 2 ** (8 * width)
         place = _place(content, rng)
         changed[place : place + width] = struct.pack(order + {2: "H", 4: "I", 8: "Q"}[width], value)
     return bytes(changed)
@@ -94,9 +88,9 @@ def extreme_digits(content: bytes, rng: Generator) -> bytes:
     places = [place for place, byte in enumerate(content[: 4 * HEAD]) if 48 <= byte < 58]
     if not places:
         return flip_bits(content, rng)
-    place = places[int(rng.integers(len(places)))]
+    place = pick(rng, places)
     numbers = [b"-1", b"1e999", b"9" * 40, b"0" * 5000, b"9" * 200_000, b"nan", b"0x10", b"1_0"]
-    return content[:place] + numbers[int(rng.integers(8))] + content[place + 1 :]
+    return content[:place] + pick(rng, numbers) + content[place + 1 :]
 
 
 DAMAGE: tuple[Damage, ...] = (
@@ -107,7 +101,7 @@ DAMAGE: tuple[Damage, ...] = (
 
 def _flipped(content: bytes, spans: list[tuple[int, int]], rng: Generator) -> bytes:
     """Flip a bit within one of the spans (start, size)."""
-    start, size = spans[int(rng.integers(len(spans)))]
+    start, size = pick(rng, spans)
     changed = bytearray(content)
     changed[start + int(rng.integers(size))] ^= 1 << int(rng.integers(0, 8))
     return bytes(changed)

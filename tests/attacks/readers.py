@@ -4,22 +4,22 @@
 it makes the same file on every machine, and ``python -m tests.attacks.readers --only NUMBER`` repeats it.
 """
 
-import warnings
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from rsgen import RsgenError, load_surface
+from rsgen import load_surface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import propose
-from tests.attacks.child import Outcome, attacked, command, judged, kind_of, measured
+from tests.attacks.child import Outcome, attacked, command, judged, kind_of, measured, said_of
 from tests.attacks.damage import CHECKED, DAMAGE
 from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
+from tests.attacks.texts import pick
 from tests.attacks.traps import TRAPS
 from tests.attacks.traps_hdf5 import SECRET
 
@@ -30,12 +30,8 @@ MEGABYTES = 1024.0  # memory allowed beyond twice the size of the file
 Numbers = dict[str, bytes]
 
 
-class _SurpriseError(Exception):
-    """A reader gave what it must not."""
-
-
-def _numbers(path: Path, form: str) -> tuple[Numbers, int, str]:
-    """Read a file in every way: the numbers by reading, how many ways refused it, and the first refusal."""
+def _numbers(path: Path, form: str) -> tuple[Numbers, list[str]]:
+    """Read a file in every way: the numbers by reading, and what each way came to."""
     ways: dict[str, Callable[[], object]] = {
         "table": lambda: read_measurement(table_plan(path, form)),
         "history": lambda: read_measurement(history_plan(path, form)),
@@ -43,28 +39,16 @@ def _numbers(path: Path, form: str) -> tuple[Numbers, int, str]:
     if form == "surface":
         ways = {"surface": lambda: load_surface(path)}
     found: Numbers = {}
-    faults = []
-    for name, way in ways.items():
-        try:
-            values = _flat(way())
-        except RsgenError as fault:
-            faults.append(_sentence(str(fault)))
-            continue
+
+    def read(name: str) -> None:
+        surface = ways[name]()
+        columns = (getattr(surface, one) for one in ("level", "frequency", "force", "harmonics"))
+        values = np.concatenate([np.ravel(np.asarray(column, dtype=complex)) for column in columns])
         if np.any(values == SECRET):
-            raise _SurpriseError("read outside of the file")
+            raise ValueError("read outside of the file")
         found[name] = values.tobytes()
-    return found, len(faults), faults[0] if faults else ""
 
-
-def _flat(surface: object) -> np.ndarray:
-    names = ("level", "frequency", "force", "harmonics")
-    return np.concatenate([np.ravel(np.asarray(getattr(surface, name), dtype=complex)) for name in names])
-
-
-def _sentence(text: str) -> str:
-    if not text or len(text) > 1000 or not text.replace("\n", " ").isprintable():
-        raise _SurpriseError(f"a refusal that is no sentence: {text[:80]!r}")
-    return text
+    return found, [said_of(partial(read, name), 1000) for name in ways]
 
 
 @lru_cache(maxsize=8)
@@ -84,14 +68,13 @@ def attack(number: int, seed: int, forms: tuple[str, ...] = tuple(ENDINGS)) -> O
         folder = Path(text)
         checked = draw > 0.8 and form in CHECKED
         if draw > 0.4 and not checked:
-            trap = TRAPS[form][int(rng.integers(len(TRAPS[form])))]
+            trap = pick(rng, TRAPS[form])
             name, content = trap.__name__, trap(folder, rng)
             if draw > 0.7:
-                other = DAMAGE[int(rng.integers(len(DAMAGE)))]
+                other = pick(rng, DAMAGE)
                 name, content = f"{name}, {other.__name__}", other(content, rng) if content else content
         else:
-            damages = CHECKED[form] if checked else DAMAGE
-            damage = damages[int(rng.integers(len(damages)))]
+            damage = pick(rng, CHECKED[form] if checked else DAMAGE)
             name, content = damage.__name__, damage(good(form, folder), rng)
         path = folder / f"a{ENDINGS[form]}"
         path.write_bytes(content)
@@ -100,18 +83,13 @@ def attack(number: int, seed: int, forms: tuple[str, ...] = tuple(ENDINGS)) -> O
         del content
 
         def read() -> str:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                if form != "surface":
-                    # list it and draft a case for it, as ``rsgen inspect`` does
-                    try:
-                        propose(list_contents(path))
-                    except RsgenError as fault:
-                        _sentence(str(fault))
-                found, faults, first = _numbers(path, form)
+            # list it and draft a case for it, as ``rsgen inspect`` does
+            listed = "" if form == "surface" else said_of(lambda: propose(list_contents(path)), 1000)
+            found, said = _numbers(path, form)
             if known is not None and any(values != known[way] for way, values in found.items()):
                 return "crash: other numbers after damage that a checksum shows"
-            return f"refused: {first}" if faults and not found else "result"
+            faults = [one for one in (listed, *said) if one.startswith("crash")]
+            return [*faults, "result" if found else said[0]][0]
 
         outcome = measured(number, f"{form}: {name}, {size} bytes", read)
     # each of three readings of a workbook may take as long

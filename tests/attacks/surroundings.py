@@ -39,6 +39,8 @@ def _with(text: str = ONE, codes: tuple[int, ...] = DONE, **changes: str | None)
 
 
 N = "n" * 300
+GONE, LATIN = "mkdir gone; cd gone;", r"$'Pr\xfcfung.toml'"
+FULL_PATHS = "rsgen run {place}/small.toml --out {place}/out --jobs 2"
 STREAMS = {
     "reader that leaves": Line("set -o pipefail; rsgen laws | head -1"),
     "reader that leaves a run": Line(f"set -o pipefail; {ONE} | true && test -d out/small"),
@@ -61,23 +63,14 @@ NAMES = {
         " rsgen run small.toml --out $deep/$(printf 'e%.0s' $(seq $rest))",
         REFUSED,
     ),
-    **{
-        f"name too long: {words.split()[0]}": Line(f"rsgen {words}", REFUSED)
-        for words in (
-            f"check {N}.toml", f"run small.toml --out {N}", f"inspect {N}.mat", f"init {N}.toml",
-            f"diff {N} {N}", f"report --out {N}", f"identify {N}.toml", f"rank {N}.toml",
-        )
-    },
-    "deleted folder": Line(
-        "mkdir gone; cd gone; rmdir ../gone; rsgen run {place}/small.toml --out {place}/out --jobs 2", EITHER
-    ),
-    "deleted folder, relative": Line(
-        "mkdir gone; cd gone; cp ../small.toml .; rm -r ../gone; rsgen run small.toml", REFUSED
-    ),
+    **{f"name too long: {words.split()[0]}": Line(f"rsgen {words}", REFUSED) for words in (
+        f"check {N}.toml", f"run small.toml --out {N}", f"inspect {N}.mat", f"init {N}.toml",
+        f"diff {N} {N}", f"report --out {N}", f"identify {N}.toml", f"rank {N}.toml",
+    )},
+    "deleted folder": Line(f"{GONE} rmdir ../gone; {FULL_PATHS}", EITHER),
+    "deleted folder, relative": Line(f"{GONE} cp ../*.toml .; rm -r ../gone; rsgen run small.toml", REFUSED),
     "read-only output": Line("rsgen run small.toml --out /proc/results", REFUSED),
-    "name of a file that is no UTF-8": Line(
-        r"mv small.toml $'Pr\xfcfung.toml'; rsgen run $'Pr\xfcfung.toml' --out out", EITHER
-    ),
+    "name of a file that is no UTF-8": Line(f"mv small.toml {LATIN}; rsgen run {LATIN} --out out", EITHER),
 }  # fmt: skip
 UMLAUTS = (
     "sed -i 's/A small case/Größe μ → Ω/' small.toml; mv small.toml Prüfung.toml; "
@@ -88,6 +81,7 @@ LOCALES: dict[str, dict[str, str | None]] = {
     "ASCII output": {"PYTHONIOENCODING": "ascii"},
     "locale that is not there": {"LC_ALL": "xx_XX.nonsense", "LANG": "xx"},
 }
+UNDO = "chmod -R 700 out tmp; rm -rf out tmp"
 LIMITS = {
     **{f"{most} open files": Line(f"ulimit -n {most}; {POOL}", EITHER) for most in (32, 16)},
     **{f"{most} MB of memory": Line(f"ulimit -v {1024 * most}; {ONE}", EITHER) for most in (700, 300)},
@@ -96,31 +90,24 @@ LIMITS = {
     # the system ends the process; the next run clears up
     "2 s of work": Line(f"(ulimit -t 2; {ONE}); case $? in 0|137|152) {ONE};; *) exit 1;; esac"),
     "files for the user alone": Line(f"umask 077; {ONE}; test -z $(find out -maxdepth 0 -perm /077)"),
-    "files for nobody": Line(
-        f"umask 0777; {ONE}; code=$?; chmod -R 700 out tmp; rm -rf out tmp; exit $code", EITHER
-    ),
-}
+    "files for nobody": Line(f"umask 0777; {ONE}; code=$?; {UNDO}; exit $code", EITHER),
+}  # fmt: skip
+UNSET: dict[str, None] = dict.fromkeys(("RSGEN_CACHE", "MPLCONFIGDIR"))
+FOLDERS = ("MPLCONFIGDIR", "NUMBA_CACHE_DIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR", "XDG_CACHE_HOME",
+           "XDG_CONFIG_HOME")  # fmt: skip
 VARIABLES = {
     "temporary folder that is missing": _with(TMPDIR="{place}/absent"),
     # longer than the name of a socket may be
     "temporary folder with a long name": _with(f"mkdir {N[:180]}; {POOL}", TMPDIR=f"{{place}}/{N[:180]}"),
-    "no HOME": _with(HOME=None, RSGEN_CACHE=None, MPLCONFIGDIR=None, XDG_CACHE_HOME="{place}/xdg"),
-    "HOME that cannot be made": _with(
-        HOME="/proc/nobody", RSGEN_CACHE=None, MPLCONFIGDIR=None, XDG_CACHE_HOME=None
-    ),
+    "no HOME": _with(HOME=None, **UNSET, XDG_CACHE_HOME="{place}/xdg"),
+    "HOME that cannot be made": _with(HOME="/proc/nobody", **UNSET, XDG_CACHE_HOME=None),
     **{f"{name}: run": _with(UMLAUTS, **changes) for name, changes in LOCALES.items()},
     **{f"{name}: check": _with("rsgen check Prüfüng.toml", REFUSED, **v) for name, v in LOCALES.items()},
     "time zone that is none, a run": _with(TZ="Nowhere/Nothing"),
-    **{
-        f"time zone {zone[:30]!r}": _with("rsgen laws", TZ=zone)
-        for zone in ("Nowhere/Nothing", "", "UTC+99:99", "Pacific/Kiritimati", ":/etc/passwd", "\u00b5" * 300)
-    },
-    "folders of libraries that are none": _with(
-        **dict.fromkeys(
-            ("MPLCONFIGDIR", "NUMBA_CACHE_DIR", "IPYTHONDIR", "JUPYTER_CONFIG_DIR", "XDG_CACHE_HOME",
-             "XDG_CONFIG_HOME"), "/dev/null/folder",
-        )
-    ),
+    **{f"time zone {zone[:30]!r}": _with("rsgen laws", TZ=zone) for zone in (
+        "Nowhere/Nothing", "", "UTC+99:99", "Pacific/Kiritimati", ":/etc/passwd", "\u00b5" * 300
+    )},
+    "folders of libraries that are none": _with(**dict.fromkeys(FOLDERS, "/dev/null/folder")),
     "settings of libraries that are none": _with(
         MPLBACKEND="nonsense", NUMBA_OPT="nonsense", NUMBA_CPU_NAME="nonsense", COLUMNS="x", LINES="-1"
     ),

@@ -14,6 +14,7 @@ import scipy.sparse
 from numpy.random import Generator
 
 from tests.attacks.good_files import arrays, good, power_of_ten, universal
+from tests.attacks.texts import pick
 from tests.attacks.traps_hdf5 import hdf5_declared, hdf5_outside, hdf5_tree, surface
 from tests.attacks.traps_recorders import labview, sound, tdms, workbook
 
@@ -28,25 +29,21 @@ def _npy_head(text: bytes, version: int = 1, declared: int | None = None) -> byt
 
 
 def long_number(folder: Path, rng: Generator) -> bytes:
-    """A number of up to a million digits, with a letter behind or without."""
     digits = b"7" * power_of_ten(rng, 2, 5.95)
     digits += bytes(rng.choice([b"", b"x", b"e5", b".5", b"e" + b"9" * 50]))
     return b"f,F,x\n1,2,3\n" + digits + b",2,3\n" + b"1,2,3\n" * 20
 
 
 def long_lines(folder: Path, rng: Generator) -> bytes:
-    """Lines of up to a megabyte, some of them."""
-    line = LINES[int(rng.integers(len(LINES)))][: power_of_ten(rng, 3, 5.9)]
+    line = pick(rng, LINES)[: power_of_ten(rng, 3, 5.9)]
     return b"\n".join([line] * min(8 * 10**6 // len(line), power_of_ten(rng, 0, 4))) + b"\n1,2,3\n"
 
 
 def line_without_end(folder: Path, rng: Generator) -> bytes:
-    """One line and nothing else, of up to 200 MB."""
     return b"1.5 " * power_of_ten(rng, 5, 7.69 if rng.random() < 0.1 else 6.3)
 
 
 def many_columns(folder: Path, rng: Generator) -> bytes:
-    """Thousands of columns, some with a fault in one of them."""
     columns = power_of_ten(rng, 2, 4.3)
     row = b",".join([b"1.5"] * columns)
     rows = [row] * max(2, min(2000, 2 * 10**6 // len(row)))
@@ -56,7 +53,6 @@ def many_columns(folder: Path, rng: Generator) -> bytes:
 
 
 def words_and_numbers(folder: Path, rng: Generator) -> bytes:
-    """Rows of words between rows of numbers, by the thousand."""
     rows = [b"1,2,3,4" if rng.random() < 0.5 else b"f,F,x,y" for _ in range(power_of_ten(rng, 1, 5))]
     return b"\n".join(rows) + b"\n"
 
@@ -65,12 +61,10 @@ def titles(folder: Path, rng: Generator) -> bytes:
     """Titles whose units are no units, or powers without end."""
     units = (b"m^999999999", b"m" * 50_000, b"(" * 9000, b"1/" * 5000 + b"s", b"kg**-1e9", b"10^400 m",
              b"\xff\xfe m")  # fmt: skip
-    unit = units[int(rng.integers(len(units)))]
-    return b"f [Hz],F [N],x [" + unit + b"],y\n" + b"8.5,1,1e-3,1e-4\n" * 30
+    return b"f [Hz],F [N],x [" + pick(rng, units) + b"],y\n" + b"8.5,1,1e-3,1e-4\n" * 30
 
 
 def other_encodings(folder: Path, rng: Generator) -> bytes:
-    """Bytes that are no text, marks of encodings, zeros, line ends of every kind."""
     content = good("csv", folder)
     ends = [b"\r", b"\r\n", b"\n\r", b"\x0b", b"\xe2\x80\xa8"]
     ways: list[Callable[[], bytes]] = [
@@ -81,11 +75,10 @@ def other_encodings(folder: Path, rng: Generator) -> bytes:
         lambda: content.replace(b",", b"\x00" if rng.random() < 0.5 else "\u066b".encode()),
         lambda: b"\xef\xbb\xbf" + content.replace(b"1", "\u0661".encode()),
     ]
-    return ways[int(rng.integers(6))]()
+    return pick(rng, ways)()
 
 
 def many_rows(folder: Path, rng: Generator) -> bytes:
-    """A table of hundreds of thousands of rows, within 10 MB."""
     return b"1,2,3,4\n" * power_of_ten(rng, 4, 6.05)
 
 
@@ -97,13 +90,12 @@ def npy_head(folder: Path, rng: Generator) -> bytes:
              "'<f16'", "[('f', '<f8', (1000000,))]", "[('f', '|O')]", "[" + "('a','<f8')," * 3 + "]",
              "'<c16'", "'f8,'*9", str([(f"c{n}", "<f8") for n in range(300)]),
              "(" * 90 + "1" + ")" * 90]  # fmt: skip
-    kind, shape = kinds[int(rng.integers(len(kinds)))], shapes[int(rng.integers(len(shapes)))]
+    kind, shape = pick(rng, kinds), pick(rng, shapes)
     order = "False" if rng.random() < 0.5 else "True"
     text = f"{{'descr': {kind}, 'fortran_order': {order}, 'shape': {shape}, }}".encode()
     if rng.random() < 0.3:
-        text = [b"(" * 60000, b"{'a':" * 3000, b"[" * 9999, b"-" * 60000, b"1" * 60000][int(rng.integers(5))]
-    version = int(rng.choice([1, 2, 3, 9]))
-    return _npy_head(text, version) + bytes(power_of_ten(rng, 0, 4))
+        text = pick(rng, [b"(" * 60000, b"{'a':" * 3000, b"[" * 9999, b"-" * 60000, b"1" * 60000])
+    return _npy_head(text, int(rng.choice([1, 2, 3, 9]))) + bytes(power_of_ten(rng, 0, 4))
 
 
 def npy_padded(folder: Path, rng: Generator) -> bytes:
@@ -113,7 +105,6 @@ def npy_padded(folder: Path, rng: Generator) -> bytes:
 
 
 def npy_pickle(folder: Path, rng: Generator) -> bytes:
-    """A pickle, which would run a program."""
     text = b"{'descr': '|O', 'fortran_order': False, 'shape': (1,), }"
     return _npy_head(text) + b"\x80\x04cposix\nsystem\n(S'touch canary'\ntR." + bytes(power_of_ten(rng, 0, 6))
 
@@ -204,10 +195,10 @@ def universal_counts(folder: Path, rng: Generator) -> bytes:
         "step": (0.0, -1.0, 1e300, 1e-300), "start": (1e300, -1e9), "function": (0, 1, 2, 4, 12, 99),
     }.items():  # fmt: skip
         if rng.random() < 0.35:
-            keys[key] = values[int(rng.integers(len(values)))]
-    rows = [["1" * 4000], ["1e999"], ["nan"], ["1.0" * 800], ["- - -"], [" " * 4000] * 500]
+            keys[key] = pick(rng, values)
     if rng.random() < 0.3:
-        keys["rows"] = rows[int(rng.integers(6))]
+        rows = [["1" * 4000], ["1e999"], ["nan"], ["1.0" * 800], ["- - -"], [" " * 4000] * 500]
+        keys["rows"] = pick(rng, rows)
     content = universal(numbers, **keys) * int(rng.choice([1, 1, 2000]))
     return content[: -int(rng.integers(1, 200))] if rng.random() < 0.4 else content
 
@@ -226,7 +217,7 @@ def universal_sets(folder: Path, rng: Generator) -> bytes:
     """Other data sets by the thousand, without an end, with long names; units without sense."""
     end = b"    -1\n"
     other = end + b"   151\n" + b"anything\n" * int(rng.integers(0, 5)) + end
-    units = [b"1.0D+00", b"0", b"nan", b"1e999", b"-1", b"9" * 4000][int(rng.integers(6))]
+    units = pick(rng, [b"1.0D+00", b"0", b"nan", b"1e999", b"-1", b"9" * 4000])
     system = end + b"   164\n         9unit          2\n" + units + b" 1.0D+00\n0.0\n" + end
     content = other * power_of_ten(rng, 0, 4) + system + universal(arrays()["u"][:20])
     return content + (end if rng.random() < 0.3 else b"")

@@ -11,6 +11,7 @@ from numpy.random import Generator
 
 from rsgen.data.surface.columns import COLUMN_UNITS
 from tests.attacks.good_files import good, power_of_ten
+from tests.attacks.texts import pick
 
 SECRET = 424242.0  # a number in a file outside, which no reader may give
 
@@ -61,7 +62,6 @@ def _outside(folder: Path) -> tuple[Path, list[tuple[str, int, int]]]:
 
 
 def hdf5_outside(folder: Path, rng: Generator) -> bytes:
-    """Links, virtual and external data that lead to another file."""
     outside, place = _outside(folder)
     ways: list[Callable[[h5py.File], object]] = [
         lambda file: file.update({"f": h5py.ExternalLink(str(outside), "f")}),
@@ -69,7 +69,7 @@ def hdf5_outside(folder: Path, rng: Generator) -> bytes:
         lambda file: file.create_dataset("f", shape=(40,), dtype="f8", external=place),
         lambda file: file.update({"f": h5py.SoftLink(str(outside))}),
     ]
-    way, others = ways[int(rng.integers(4))], dict.fromkeys(("F", "x", "t", "u", "a"), np.ones(40))
+    way, others = pick(rng, ways), dict.fromkeys(("F", "x", "t", "u", "a"), np.ones(40))
     return _made(lambda file: (file.update(others), way(file)))
 
 
@@ -91,7 +91,7 @@ def hdf5_tree(folder: Path, rng: Generator) -> bytes:
             file["a\x1b[2J\u202e"] = np.ones(3)
         elif kind == 4:
             units = ["m" * 60000, np.bytes_(b"\xff" * 300), "m^" + "9" * 300, "m" * 20]
-            file.create_dataset("f", data=np.ones(3)).attrs["units"] = units[int(rng.integers(4))]
+            file.create_dataset("f", data=np.ones(3)).attrs["units"] = pick(rng, units)
         elif kind == 5:
             file.create_dataset("f", data=np.ones(3, dtype=[("r", "f8"), ("i", "f4")]))
             file.create_dataset("t", data=["a", "b"])
@@ -110,13 +110,13 @@ def surface(folder: Path, rng: Generator) -> bytes:
     """A surface one of whose arrays is declared, packed, linked, of another kind or length, or deep JSON."""
     content = io.BytesIO(good("surface", folder))
     names = [*COLUMN_UNITS, "findings"]
-    name, size = names[int(rng.integers(len(names)))], power_of_ten(rng, 3, 12)
+    name, size = pick(rng, names), power_of_ten(rng, 3, 12)
     outside, place = _outside(folder)
     values: list[Any] = [
         np.full(40, np.nan), np.full(40, 1e308), np.zeros((40, 3)), np.ones(39), ["a"] * 40,
         *map(np.bytes_, TEXTS),
     ]  # fmt: skip
-    value, origin = values[int(rng.integers(len(values)))], ["o" * 60_000, b"\xff", 3, np.ones(1000)]
+    value, origin = pick(rng, values), ["o" * 60_000, b"\xff", 3, np.ones(1000)]
     ways: list[Callable[[h5py.File], object]] = [
         lambda file: file.create_dataset(name, shape=(size,), dtype="f8", chunks=(1000,)),
         lambda file: file.create_dataset(name, shape=(size,), dtype="f8"),
@@ -125,10 +125,10 @@ def surface(folder: Path, rng: Generator) -> bytes:
         lambda file: _virtual(file, name, outside),
         lambda file: file.create_dataset(name, data=value),
         lambda file: file.update({name: h5py.SoftLink("/" + name)}),
-        lambda file: file.attrs.__setitem__("origin", origin[int(rng.integers(4))]),
+        lambda file: file.attrs.__setitem__("origin", pick(rng, origin)),
     ]
     with h5py.File(content, "r+") as file:
         if name in file:
             del file[name]
-        ways[int(rng.integers(len(ways)))](file)
+        pick(rng, ways)(file)
     return content.getvalue()

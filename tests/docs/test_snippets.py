@@ -48,7 +48,7 @@ def keys_of(rule: dict) -> dict:
         return keys_of(SCHEMA["$defs"][rule["$ref"].rsplit("/", 1)[1]])
     found = dict(rule.get("properties", {}))
     for inner in (rule.get("items", {}), *rule.get("anyOf", ()), *rule.get("oneOf", ())):
-        found |= keys_of(inner)
+        found |= keys_of(inner) if inner else {}
     return found
 
 

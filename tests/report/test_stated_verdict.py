@@ -61,7 +61,7 @@ def test_what_is_printed_and_what_is_explained_have_one_order_and_one_first_step
     assert codes[0] == decided[-1].code
     lines = str(found).splitlines()
     assert lines[0] == f"{found.verdict.state} ({', '.join(codes)})"
-    begin = lines.index(next(line for line in lines if line.startswith(f"{decided[-1].severity}: ")))
+    begin = next(at for at, line in enumerate(lines) if line.startswith(f"{decided[-1].severity}: "))
     first, more = stated["next_steps"][0], len(decided) - shown
     assert lines[begin + shown + bool(more)] == f"next: {first}"
     assert f"follow from that: {more} findings." in lines[begin + 1] or not more
@@ -130,9 +130,7 @@ def test_the_first_step_is_the_one_that_matters_most():
     # a warning has no next step of its own: x*abs(x) "stands out by 6 standard errors" led nowhere
     assert full_sentence(replace(lacks, severity="warning")).endswith("identify with it, too, and compare.")
     assert next_step(misfit).startswith("Add v*abs(v), times a coefficient, to the law")
-    general = next_step(replace(misfit, names={}))
-    assert general.startswith("Compare the laws of the library and their sums")
-    assert "or this law came from there" in general
+    assert "or this law came from there" in next_step(replace(misfit, names={}))
     assert next_step(replace(misfit, names={"ranked": "none fits"})) == ""
 
 
@@ -165,8 +163,7 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
     assert "Rejected: these numbers are not to be used</strong>: structure feeds exciter" in text
     assert "Accepted: " in text
     assert text.count('data-status="rejected"') == 2
-    assert 'id="show-doubtful"' in text
-    assert 'id="show-missed"' not in text
+    assert ['id="show-doubtful"' in text, 'id="show-missed"' in text] == [True, False]
     # all four have one title
     assert all(f" ({name})</h3>" in text for name in made)
 
@@ -187,7 +184,6 @@ def test_what_is_printed_has_warnings_before_notes_and_says_of_one_level_what_it
     note = Finding("note", "info", names={"text": "a remark"})
     text = str(found_with(note, WARNING))
     assert text.index("warning: ") < text.index("note: a remark")
-    one = "one level does not show whether the law holds at others"
-    assert one not in text
     outcome = replace(IDENTIFICATION.outcome, numbers={**IDENTIFICATION.outcome.numbers, "levels": 1})
-    assert one in str(replace(IDENTIFICATION, outcome=outcome))
+    alone = str(replace(IDENTIFICATION, outcome=outcome))
+    assert ["one level does not show whether" in shown for shown in (text, alone)] == [False, True]

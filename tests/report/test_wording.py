@@ -90,15 +90,15 @@ def test_an_unknown_code_is_shown_as_data():
     assert sentence(found) == repr(found) == "of-the-future k (info): share = 0.5"
 
 
-@pytest.mark.parametrize(("numbers", "names", "severity", "said"), [
-    ({"excluded": 3, "points": 9}, {}, "info", "3 of 9 points were excluded: they disagree"),
-    ({"excluded": 3, "points": 9}, {"by": "ranking"}, "info", "excluded: no candidate explains them"),
-    ({"excluded": 3, "points": 9, "low": 1, "high": 2}, {"by": "ranking"}, "info", "between 1 and 2 Hz"),
-    ({"excluded": 3, "points": 9, "low": 1}, {"by": "ranking"}, "info", "3 of 9 points were excluded"),
-    ({"excluded": 3, "points": 9, "all": 99}, {"by": "ranking"}, "info", "chosen evenly from 99, w"),
+@pytest.mark.parametrize(("numbers", "by", "said"), [
+    ({}, "", "3 of 9 points were excluded: they disagree"),
+    ({}, "ranking", "excluded: no candidate explains them"),
+    ({"low": 1, "high": 2}, "ranking", "between 1 and 2 Hz"),
+    ({"low": 1}, "ranking", "3 of 9 points were excluded"),
 ])  # fmt: skip
-def test_a_sentence_has_the_parts_whose_conditions_hold(numbers, names, severity, said):
-    assert said in sentence(Finding("points-excluded", severity, "", numbers, names))
+def test_a_sentence_has_the_parts_whose_conditions_hold(numbers, by, said):
+    numbers, names = {"excluded": 3, "points": 9, **numbers}, {"by": by} if by else {}
+    assert said in sentence(Finding("points-excluded", "info", "", numbers, names))
 
 
 @pytest.mark.parametrize(("conditions", "holds"), [
