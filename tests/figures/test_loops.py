@@ -25,17 +25,6 @@ def jenkins(phase: np.ndarray, amplitude: float) -> np.ndarray:
     return np.where(phase % (2 * np.pi) < np.pi, falling, -top + 2 * np.minimum(KT * (amplitude + x) / 2, FS))
 
 
-def sines(stiffness: np.ndarray, damping: np.ndarray, amplitude: np.ndarray) -> rs.ResponseSurface:
-    """Sines at and around their resonance, under the force that stiffness [N/m] and damping [N s/m] need."""
-    parts = []
-    for detuned in (0.99, 1.0, 1.01):
-        omega = detuned * np.sqrt(stiffness / M)
-        force = (stiffness - M * omega**2 + 1j * omega * damping) * amplitude
-        parts.append((omega / 2 / np.pi, force, amplitude))
-    frequency, force, response = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return rs.ResponseSurface(np.abs(force), frequency, force, response.astype(complex))
-
-
 def test_a_measured_loop_is_the_force_that_moved_the_mass():
     phase = 2 * np.pi * np.arange(512) / 512
     # any periodic force of the joint: its harmonics move the mass, whose fundamental the test drives
@@ -57,7 +46,11 @@ def test_a_measured_loop_is_the_force_that_moved_the_mass():
 def test_the_mass_is_read_without_a_law():
     amplitude = np.geomspace(1e-5, 1e-3, 40)
     stiffness = 6e3 + 4e4 / (1 + amplitude / 2e-4)
-    surface = sines(stiffness, np.full(40, 30.0), amplitude)
+    # at and around their resonance, under the force that stiffness and damping need
+    omega = np.outer([0.99, 1.0, 1.01], np.sqrt(stiffness / M))
+    force = ((stiffness - M * omega**2 + 30j * omega) * amplitude).ravel()
+    response = np.tile(amplitude, 3).astype(complex)
+    surface = rs.ResponseSurface(np.abs(force), omega.ravel() / 2 / np.pi, force, response)
     # between five knots curves of forty points are straight
     assert mass_of(surface) == pytest.approx(M, rel=3e-3)
     with pytest.raises(RsgenError, match="16 settled points with phases"):

@@ -1,5 +1,6 @@
 """Laws of the sentences: every finding that is made anywhere has one, and each can be said."""
 
+import json
 import re
 import tomllib
 from collections import defaultdict
@@ -12,7 +13,7 @@ from typing import Any
 import pytest
 
 import rsgen
-from rsgen.common.finding import Finding, Quantity
+from rsgen.common.finding import Finding, Quantity, earlier_codes
 from rsgen.report.sentences import _PART, CODES, NEXT_STEPS, _holds, _Number, next_step, sentence
 
 PACKAGE = Path(rsgen.__file__).parent
@@ -114,3 +115,30 @@ def test_shares_beyond_all_reason_are_one_power_of_ten():
     """A rejected law had a misfit of 5519799407336029683712.0 %."""
     assert f"{_Number(5.5197994e19):.1%}" == "5.5 × 10²¹ %"
     assert f"{_Number(0.3192):.1%}" == "31.9 %"
+
+
+# every code of the schema 1 of result.json, with the numbers and names that its sentence had
+CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_1.json").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("severity", ["info", "doubt"])
+def test_every_earlier_finding_is_said(severity):
+    for code, data in CODES_OF_SCHEMA_1.items():
+        numbers = {name: Quantity(2.0, "m") for name in data["numbers"]}
+        finding = Finding.from_dict(Finding(code, severity, "kn", numbers, data["names"]).to_dict())
+        assert finding.code in CODES
+        assert (finding.severity, finding.parameter) == (severity, "kn")
+        assert sentence(finding) not in ("", repr(finding))
+        next_step(finding)
+        again = Finding.from_dict(finding.to_dict())
+        assert (again, again.numbers, again.names) == (finding, finding.numbers, finding.names)
+
+
+def test_a_code_that_went_is_read_under_one_that_is_there():
+    # codes that schema 2 had before it was published
+    earlier = earlier_codes()
+    assert set(earlier) - set(CODES_OF_SCHEMA_1) == {"control-recognised", "periods-few", "points-held"}
+    assert {now["code"] for now in earlier.values()} <= set(CODES)
+    assert {key for now in earlier.values() for key in now} == {"code", "added", "renamed"}
+    gone = set(CODES_OF_SCHEMA_1) - set(CODES)
+    assert gone <= set(earlier)
