@@ -1,9 +1,8 @@
 """Build the sdist and the wheel and use the wheel as a stranger would: ``make test-wheel``.
 
-Each Python that pyproject.toml names and that is found here gets an empty environment outside the repository,
-with the wheel and what it depends on; there every module is imported and the commands are run. One more
-environment has the lowest declared versions of the dependencies, another those of constraints.txt.
-
+Each Python that pyproject.toml names and that is found here gets an empty environment with the wheel; there
+every module is imported and the commands are run. One more environment has the lowest declared versions of
+the dependencies, another those of constraints.txt.
 ``python tests/try_wheel.py --this`` tries only the Python that runs it, with neither git, make nor a shell:
 that is how the workflow uses it on Windows and macOS.
 """
@@ -20,6 +19,7 @@ import time
 import tomllib
 import zipfile
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -68,10 +68,8 @@ def declared_versions() -> list[str]:
 def _candidates(version: str) -> Iterator[str]:
     if version == f"{sys.version_info.major}.{sys.version_info.minor}":
         yield sys.executable
-    for folder in os.environ.get("PATH", "").split(os.pathsep):
-        found = shutil.which(f"python{version}", path=folder) if folder else None
-        if found:
-            yield found
+    folders = filter(None, os.environ.get("PATH", "").split(os.pathsep))
+    yield from filter(None, (shutil.which(f"python{version}", path=folder) for folder in folders))
     versions = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv"), "versions")
     yield from (str(path) for path in sorted(versions.glob(f"{version}.*/bin/python{version}"), reverse=True))
 
@@ -80,13 +78,11 @@ def find_python(version: str) -> str | None:
     """Find an interpreter of a version that can make environments: this one, on the PATH, or of pyenv."""
     probe = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2])"
     for path in _candidates(version):
-        try:
-            answer = subprocess.run([path, "-c", probe], capture_output=True, text=True, timeout=60)
-        except OSError:
-            continue
         # a shim of pyenv answers with an error where its version is not switched on
-        if answer.stdout.strip() == version:
-            return path
+        with suppress(OSError):
+            answer = subprocess.run([path, "-c", probe], capture_output=True, text=True, timeout=60)
+            if answer.stdout.strip() == version:
+                return path
     return None
 
 
@@ -97,8 +93,8 @@ def clean_environment(home: Path) -> dict[str, str]:
     return kept | {"RSGEN_CACHE": str(home / "cache"), "PYTHONUTF8": "1", "PYTHONWARNINGS": "error"}
 
 
-def call(words: Sequence[str | Path], folder: Path, code: int = 0, **added: str) -> str:
-    """Run a program in a folder, return what it printed; WheelError where it ends otherwise or not at all."""
+def call(words: Sequence[str | Path], folder: Path, **added: str) -> str:
+    """Run a program in a folder, return what it printed; WheelError where it ends badly or not at all."""
     texts = [str(word) for word in words]
     shown = " ".join([Path(texts[0]).name, *texts[1:]])[:200]
     try:
@@ -108,8 +104,8 @@ def call(words: Sequence[str | Path], folder: Path, code: int = 0, **added: str)
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise WheelError(f"{shown}: not finished after {SECONDS} s") from None
-    if done.returncode != code:
-        raise WheelError(f"{shown}: ends with {done.returncode}, not {code}\n{done.stdout}\n{done.stderr}")
+    if done.returncode:
+        raise WheelError(f"{shown}: ends with {done.returncode}\n{done.stdout}\n{done.stderr}")
     return done.stdout + done.stderr
 
 

@@ -10,8 +10,8 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from multiprocessing.connection import Connection
@@ -103,48 +103,45 @@ def _serve(module: str, seed: int, pipe: Connection) -> None:
         pipe.send(attack(pipe.recv(), seed))
 
 
-class _Child:
-    def __init__(self, module: str, seed: int) -> None:
-        context, self.done = multiprocessing.get_context("spawn"), 0
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(module, seed, theirs))
-        self.process.start()
-        theirs.close()
+@contextmanager
+def _child(module: str, seed: int) -> Iterator[Callable[[int], Outcome]]:
+    """Begin a child, which answers numbers with outcomes; end it, and the processes that it began."""
+    context = multiprocessing.get_context("spawn")
+    pipe, theirs = context.Pipe()
+    process = context.Process(target=_serve, args=(module, seed, theirs))
+    process.start()
+    theirs.close()
 
-    def ask(self, number: int) -> Outcome:
-        self.done += 1
+    def ask(number: int) -> Outcome:
         try:
-            self.pipe.send(number)
-            if not self.pipe.poll(WALL_SECONDS):
+            pipe.send(number)
+            if not pipe.poll(WALL_SECONDS):
                 return Outcome(number, "", f"hang: no answer after {WALL_SECONDS:g} s", WALL_SECONDS)
-            return self.pipe.recv()
+            return pipe.recv()
         except (EOFError, OSError):
-            self.process.join()
-            return Outcome(number, "", f"crash of the process: code {self.process.exitcode}")
+            process.join()
+            return Outcome(number, "", f"crash of the process: code {process.exitcode}")
 
-    def end(self) -> None:
-        """End the process, and those that it began."""
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
-
-
-def attempts(module: str, seed: int, numbers: Iterable[int]) -> Iterator[Outcome]:
-    """Make attacks of a module in children, one after the other."""
-    child: _Child | None = None
     try:
-        for number in numbers:
-            child = child or _Child(module, seed)
-            outcome = child.ask(number)
-            if not outcome.name or child.done >= RENEWED:
-                child.end()
-                child = None
-            yield outcome
+        yield ask
     finally:
-        if child is not None:
-            child.end()
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.kill()
+        process.join()
+        pipe.close()
+
+
+def attempts(module: str, seed: int, count: int) -> Iterator[Outcome]:
+    """Make attacks of a module in children, one after the other."""
+    done = 0
+    while done < count:
+        with _child(module, seed) as ask:
+            for number in range(done, min(count, done + RENEWED)):
+                done, outcome = number + 1, ask(number)
+                yield outcome
+                if not outcome.name:
+                    break
 
 
 def allowed(seconds: float) -> float:
@@ -174,7 +171,7 @@ def kind_of(outcome: Outcome) -> str:
 def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Outcome], str] = kind_of):
     """Make attacks of a module in children; return the row of what got through, and how many of each kind."""
     found, slowest, largest = Counter[str](), 0.0, 0.0
-    for outcome in attempts(module, seed, range(count)):
+    for outcome in attempts(module, seed, count):
         if kind_of(outcome) not in ("result", "refused"):
             print(f"{outcome.number}: {outcome.name}: {outcome.said}", file=sys.stderr, flush=True)
         found[kind(outcome)] += 1

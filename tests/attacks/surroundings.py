@@ -125,22 +125,19 @@ MOUNTED = {
     "disk without names": Line(BOTH, REFUSED, mounts=f"{TMPFS} nr_inodes=6 none out"),
     "disk that is read-only": Line(POOL, REFUSED, mounts=f"{TMPFS} ro none out"),
     "temporary folder, home and cache that are full": Line(
-        BOTH,
-        changes={"TMPDIR": "{place}/f", "HOME": "{place}/f", "RSGEN_CACHE": "{place}/f/c"},
+        BOTH, changes={"TMPDIR": "{place}/f", "HOME": "{place}/f", "RSGEN_CACHE": "{place}/f/c"},
         mounts="(mkdir -p f; mount -t tmpfs -o size=4k none f; echo full > f/file;"
         " cat /dev/zero > f/more || true) 2> /dev/null",
     ),
     "only the results can be written": Line(
-        POOL,
-        EITHER,
-        changes={"TMPDIR": "{place}/ro", "RSGEN_CACHE": "/mnt/cache"},
+        POOL, EITHER, changes={"TMPDIR": "{place}/ro", "RSGEN_CACHE": "/mnt/cache"},
         mounts="mkdir -p out ro; mount -t tmpfs none out; mount -t tmpfs -o ro none ro;"
         " mount -o bind,ro /var/tmp /var/tmp; mount --bind . /mnt; mount --bind out /mnt/out;"
         " mount -t tmpfs -o ro none /tmp 2> /dev/null; cd /mnt; mount -o remount,bind,ro /mnt",
     ),
     "no semaphores": Line(POOL, EITHER, mounts="mount -t tmpfs -o ro none /dev/shm"),
     "empty /proc": Line(POOL, EITHER, mounts="mount -t tmpfs none /proc"),
-}
+}  # fmt: skip
 
 
 def judge(place: Path, ended: Ended, *codes: int, spoken: bool = True) -> str:

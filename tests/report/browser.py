@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -95,6 +95,9 @@ class Page:
         while not self.loaded:
             await self._read(lambda message: "method" in message)
 
+    async def fits(self, width: int) -> bool:
+        return bool(await self.ask(f"document.documentElement.scrollWidth <= {width}"))
+
     async def ask(self, expression: str, *, wait: bool = False) -> Any:
         how = {"returnByValue": True, "awaitPromise": wait}
         answer = await self.call("Runtime.evaluate", expression=expression, **how)
@@ -116,8 +119,7 @@ class Page:
         return base64.b64decode(answer["data"])
 
 
-@contextlib.asynccontextmanager
-async def open_page(browser: str) -> AsyncIterator[Page]:
+async def _visited(browser: str, visit: Callable[[Page], Coroutine[Any, Any, T]]) -> T:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         words = [browser, *_FLAGS, f"--user-data-dir={profile}", "about:blank"]
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -125,12 +127,12 @@ async def open_page(browser: str) -> AsyncIterator[Page]:
             port = await _port(Path(profile), process)
             reply = await AsyncHTTPClient().fetch(f"http://127.0.0.1:{port}/json/list")
             target = next(entry for entry in json.loads(reply.body) if entry["type"] == "page")
-            socket = await websocket_connect(target["webSocketDebuggerUrl"], max_message_size=2**28)
-            page = Page(socket)
+            page = Page(await websocket_connect(target["webSocketDebuggerUrl"], max_message_size=2**28))
             for domain in ("Page", "Network", "Log", "Runtime"):
                 await page.call(f"{domain}.enable")
-            yield page
-            socket.close()
+            found = await visit(page)
+            page.socket.close()
+            return found
         finally:
             process.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -151,9 +153,4 @@ async def _port(profile: Path, process: subprocess.Popen[bytes]) -> int:
 
 def in_browser(browser: str, visit: Callable[[Page], Coroutine[Any, Any, T]]) -> T:
     """Open a browser, hand a page to ``visit``, close the browser."""
-
-    async def run() -> T:
-        async with open_page(browser) as page:
-            return await visit(page)
-
-    return asyncio.run(run())
+    return asyncio.run(_visited(browser, visit))

@@ -74,19 +74,16 @@ def test_page_is_quiet_and_fits_and_axe_finds_nothing(chromium, pages, name):
     address = pages[name].as_uri()
 
     async def visit(page: Page) -> dict[str, Any]:
-        async def fits(width: int) -> bool:
-            return bool(await page.ask(f"document.documentElement.scrollWidth <= {width}"))
-
         fit: dict[Any, bool] = {}
         for width in (PHONE, DESK):
             for dark in (False, True):
                 await page.show(address, width, dark=dark)
-                fit[width, dark] = await fits(width)
+                fit[width, dark] = await page.fits(width)
         await page.show(address, A4, media="print")
-        fit["print"] = await fits(A4)
+        fit["print"] = await page.fits(A4)
         await page.show(address, PHONE)
         await page.ask(OPEN)
-        fit["open"] = await fits(PHONE)
+        fit["open"] = await page.fits(PHONE)
         run = await page.ask("[document.scripts.length, document.body.style.background]")
         said, found = page.complaints + page.dialogs, dict[Any, str]()
         for width, dark in ((PHONE, False), (DESK, False), (DESK, True)) if AXE.is_file() else ():
