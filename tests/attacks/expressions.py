@@ -1,7 +1,6 @@
 """Attacks on the reading of texts: random and pathological laws, each derived in a child process.
 
-``python -m tests.attacks expressions=20000``. A text is a number: with the
-seed it is the same on every machine, and ``python -m tests.attacks.expressions --only NUMBER`` repeats it.
+``python -m tests.attacks.expressions --only NUMBER`` repeats one: with the seed it is the same everywhere.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,6 @@
 """Attacks on the readers: tampered data and surface files of every format, each read in a child process.
 
-``python -m tests.attacks readers=5000``. An attack is a number: with the seed
-it makes the same file on every machine, and ``python -m tests.attacks.readers --only NUMBER`` repeats it.
+``python -m tests.attacks.readers --only NUMBER`` repeats one: with the seed it is the same file everywhere.
 """
 
 from collections.abc import Callable

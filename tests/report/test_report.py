@@ -189,6 +189,7 @@ def test_result_keeps_the_contract():
     read = strict(text)
     assert read == content
     assert max(len(line) for line in text.splitlines()) > 1000, "arrays stand on one line"
+    assert read["passed"] is COMPARISON.passed
     assert np.sqrt(np.diag(read["covariance"])) == pytest.approx(
         [row["refined"]["standard_error"] for row in read["parameters"]], rel=1e-6
     )
