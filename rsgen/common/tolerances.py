@@ -21,8 +21,8 @@ POINTS_PER_BLOCK = 512
 """Points worked on at once: their sample arrays stay in the processor's cache."""
 
 HELD_OUT_ERROR_SMALL = 0.05
-"""Error of held-out responses, relative, up to which nothing is found, whatever the misfit: errors of values
-grow near the resonance of a level beyond the fitted ones, and most sensors are within 5 %."""
+"""Error of held-out responses, relative, up to which it is found only where noise and the errors of values do
+not explain it: these grow near the resonance of a level beyond the fitted ones. Sensors are within 5 %."""
 
 HELD_OUT_ERROR_DOUBTFUL = 0.15
 """Error of held-out responses, relative, that is doubtful: most tests are within 15 %."""

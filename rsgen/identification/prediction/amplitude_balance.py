@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
+    BRANCH_DISTANCE,
     HELD_OUT_ERROR_SMALL,
     MAX_LINEAR_CHANGE,
     MAX_TRIAL_STEPS,
+    NOISE_RATIO_BY_CHANCE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     SAMPLES_PER_PERIOD,
     SAMPLES_PER_PERIOD_SWITCHED,
@@ -176,13 +178,34 @@ class AmplitudeBalance:
             rows = np.flatnonzero(np.abs(found) > 1)
         return found
 
-    def explained(self, decay: ResponseSurface) -> float:
-        """Return the relative error of the forces of a decay that the errors of the values explain (95 %)."""
-        at = self.solve(decay.amplitude, decay.omega)
-        by = at.force_by[:, self._places]
-        variance = np.einsum("np,pq,nq->n", by, self._covariance, np.conj(by)).real
-        spread = decay.amplitude * np.sqrt(np.maximum(variance, 0.0)) / np.abs(at.force)
-        return float(interval_sigmas() * np.linalg.norm(spread) / np.linalg.norm(decay.amplitude))
+    def explained(self, test: ResponseSurface, misfit: float, *, held: bool) -> float:
+        """Return the relative error of predicted motions that noise and the errors of the values explain.
+
+        With b = dF_p/F and s = d ln F/d ln X a motion under a given force moves by -Re b (1 - i Im s)/Re s
+        - i Im b. Force and response have a noise of the misfit each, of which chance makes 1.5 times as much.
+
+        Parameters
+        ----------
+        test
+            The points, with the motion that was measured.
+        misfit
+            That of the fit, relative.
+        held
+            True if forces at a given amplitude are compared.
+        """
+        at = self.solve(test.amplitude, test.omega)
+        by = at.force_by[:, self._places] / at.force[:, None] - self._following_mass / self._mass
+        follows = np.ones(len(test), dtype=complex)
+        if not held:
+            slope = at.force_slope / at.force
+            follows = (1 - 1j * slope.imag) / slope.real
+            by = by.real * follows[:, None] + 1j * by.imag
+        variance = np.einsum("np,pq,nq->n", by, self._covariance, np.conj(by)).real.clip(0.0)
+        noise = NOISE_RATIO_BY_CHANCE**2 * misfit**2 * (3 + np.abs(follows) ** 2) / 2
+        error = np.sqrt(interval_sigmas() ** 2 * variance + noise)
+        # what is farther off is on another branch
+        error = error if held else np.minimum(error, BRANCH_DISTANCE)
+        return float(np.linalg.norm(error * test.amplitude) / np.linalg.norm(test.amplitude))
 
     def equivalent(
         self, size: Array, omega: Array, start: ComplexArray | None
@@ -490,6 +513,10 @@ class MeasuredBalance(AmplitudeBalance):
     def __init__(self, identification: Identification) -> None:
         self._law = law_of(identification.model.elements)
         self._values, self._mass = np.array(identification.solution), identification.mass
+
+    def explained(self, test: ResponseSurface, misfit: float, *, held: bool) -> float:
+        """Return NaN: the slopes of the motion across are not known."""
+        return nan
 
     def respond(self, mode: ResponseSurface) -> ComplexArray:
         """Return the complex fundamental (n,) [m] under the measured force.

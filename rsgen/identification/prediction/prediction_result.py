@@ -19,6 +19,7 @@ from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, wi
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
     CONFIDENCE_TEXT,
+    DEVIATING_MISFIT_RATIO,
     HELD_OUT_ERROR_DOUBTFUL,
     HELD_OUT_ERROR_REJECTED,
     HELD_OUT_ERROR_SMALL,
@@ -250,12 +251,11 @@ class HeldOutLevel(_Predicted):
     force_unit
         "N", or "m/s^2" where parameters and forces are per unit mass.
     explained
-        What the errors of the values explain of ``error`` (95 %), of free decays; 0 of other tests.
+        The error that noise and the errors of the values (95 %) explain [1]; NaN across two sensors.
     misfit
         Of the law or table that predicts, where it was fitted [1].
     changes
-        True where the force was another one near the resonance, as of a shaker without control: the points
-        lie on no curve of one force.
+        True where the force was another one near the resonance: no curve of one force has the points.
     """
 
     sweep: str
@@ -263,7 +263,7 @@ class HeldOutLevel(_Predicted):
     missing: int
     force: float = nan
     force_unit: str = "N"
-    explained: float = 0.0
+    explained: float = nan
     misfit: float = nan
     largest_at: float = nan
     changes: bool = False
@@ -343,7 +343,7 @@ def known_beyond(
 ) -> dict[str, Quantity]:
     """Return the error of what was held out at a force [N], else above and up to an amplitude [m].
 
-    Of levels whose points stay below the largest ``tested`` amplitude [m] nothing follows for what is beyond.
+    Of levels below the largest ``tested`` amplitude [m] nothing follows for what is beyond.
     """
     scored = [one for one in held_out if isinstance(one, HeldOutLevel)]
     scored = [one for one in scored if np.abs(one.measured).max(initial=0.0) > tested]
@@ -440,29 +440,30 @@ def missing_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
 
 
 def missed_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
-    """Find held-out levels whose error is large, and large relative to the misfit of the fit."""
+    """Find held-out levels whose error is large, or more than misfit and errors of the values explain."""
     findings = []
     for item in held_out:
-        if not item.error > max(HELD_OUT_ERROR_SMALL, MAX_ERROR_TO_MISFIT * item.misfit):
-            continue
-        severity = severity_of(item.error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
-        level = Quantity(item.level, item.level_unit)
-        numbers = quantities(error=item.error, misfit=item.misfit, level=level)
-        if item.error <= item.explained and item.misfit <= HELD_OUT_ERROR_SMALL:
-            # forces of a decay are far more sensitive to the values than its frequency
-            severity = "warning"
-            numbers |= quantities(explained=item.explained)
-        findings.append(
-            Finding("held-out-missed", severity, numbers=numbers, names={"sweep": item.sweep, **named(item)})
+        error, misfit, known = item.error, item.misfit, isfinite(item.explained)
+        seen = (
+            max(RELATIVE_CHANGE_NEGLIGIBLE, DEVIATING_MISFIT_RATIO * misfit, item.explained) if known else inf
         )
+        if not error > min(max(HELD_OUT_ERROR_SMALL, MAX_ERROR_TO_MISFIT * misfit), seen):
+            continue
+        severity = severity_of(error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
+        numbers = {"level": Quantity(item.level, item.level_unit), **quantities(error=error, misfit=misfit)}
+        numbers |= quantities(explained=item.explained) if known else {}
+        names = {"sweep": item.sweep, **named(item)}
+        # forces of a decay are far more sensitive to the values than its frequency
+        if error <= item.explained and misfit <= HELD_OUT_ERROR_SMALL:
+            severity, names["by"] = "warning", "values"
+        findings.append(Finding("held-out-missed", severity, "", numbers, names))
     return tuple(findings)
 
 
 def score_points(
     measured: ComplexArray, predicted: ComplexArray, near: float = BRANCH_DISTANCE, *, by_law: bool = True
 ) -> tuple[float, float, int, int]:
-    """Return the error of a run, its largest one, how many points are not predicted as ``near``, and which
-    point has the largest.
+    """Return the error of a run, its largest one, how many points are not as ``near``, and the worst point.
 
     Points on another branch may lie between a predicted and a measured jump: a few of them are not scored.
     One without a steady state has an error of its full amplitude if the prediction is ``by_law``; for a modal
@@ -575,8 +576,7 @@ class Prediction(Printed):
 
 
 # ----------------------------------------------------------------------------
-# The periodic motion of the identified law under the force of a record of a multisine, which
-# ``rsgen.identification.lines`` predicts.
+# The periodic motion under a record of a multisine, which ``rsgen.identification.lines`` predicts.
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)

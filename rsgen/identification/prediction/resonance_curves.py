@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf, isfinite, isinf, nan
+from math import inf, isfinite, nan
 from typing import cast
 
 import numpy as np
@@ -517,11 +517,13 @@ def _score(
             turned = np.abs(measured) * np.exp(1j * np.nan_to_num(np.angle(predicted)))
             measured = np.where(np.isfinite(surface.phase[rows]), measured, turned)
             # points that are compared by their force, at their amplitudes, are on no other branch
-            near = inf if surface.decays or surface.response_held else BRANCH_DISTANCE
+            held = surface.decays or surface.response_held
+            near = inf if held else BRANCH_DISTANCE
             by_law = not isinstance(balance, SynthesisBalance)
             error, largest, missing, worst = score_points(measured, predicted, near, by_law=by_law)
-            known = rows[np.isfinite(predicted)]
-            explained = balance.explained(surface.select(known)) if surface.decays and len(known) else 0.0
+            # of another branch only a few points are scored
+            known = surface.select(rows[np.abs(predicted - measured) <= near * np.abs(measured)])
+            explained = balance.explained(known, identification.residual, held=held) if len(known) else nan
             scored.append(
                 HeldOutLevel(
                     level=float(level),
@@ -538,7 +540,7 @@ def _score(
                     explained=explained,
                     misfit=identification.residual,
                     largest_at=float(surface.frequency[rows[worst]]),
-                    changes=not isinf(near) and force_changes(surface.amplitude[rows], surface.force[rows]),
+                    changes=not held and force_changes(surface.amplitude[rows], surface.force[rows]),
                     label=surface.label_of(level),
                 )
             )

@@ -17,7 +17,6 @@ from rsgen.common.finding import Finding, Quantity, Verdict, printed_findings, r
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
-    HELD_OUT_ERROR_SMALL,
     MAX_ERROR_TO_MISFIT,
     MISFIT_NEGLIGIBLE,
     RELATIVE_CHANGE_NEGLIGIBLE,
@@ -149,10 +148,13 @@ def size_of_error(one: Any, usable: bool) -> str:
     """Compare the error of a held-out level with the misfit; "" where there is none to speak of."""
     if not (one.error > MISFIT_NEGLIGIBLE and getattr(one, "misfit", nan) > 0):
         return ""
-    ratio = one.error / one.misfit
-    small = f": small, as below {100 * HELD_OUT_ERROR_SMALL:g} %" * (one.error <= HELD_OUT_ERROR_SMALL)
-    good = ": as good as the fit" if ratio <= MAX_ERROR_TO_MISFIT else small
-    return f"{ratio:.2g} times the misfit of the fitted levels" + good * usable
+    ratio, said = one.error / one.misfit, ""
+    if ratio <= MAX_ERROR_TO_MISFIT:
+        said = ": as good as the fit"
+    elif isfinite(one.explained):
+        part = "up to" if one.error <= one.explained else "no more than"
+        said = f"; noise and the errors of the values explain {part} {100 * one.explained:.2g} %"
+    return f"{ratio:.2g} times the misfit of the fitted levels" + said * usable
 
 
 @dataclass(frozen=True, slots=True)
