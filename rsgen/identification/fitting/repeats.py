@@ -17,7 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
-from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, ROUND_OFF
+from rsgen.common.tolerances import (
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MIN_SIGNIFICANT_GAIN,
+    NOISE_LIMIT_SIGMAS,
+    ROUND_OFF,
+)
 from rsgen.data.record_set import FILE_ROUND_OFF
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.identification.fitting.least_squares import Regression
@@ -66,9 +71,25 @@ class Repeats:
 
     @property
     def noise(self) -> float:
-        """Relative noise of one reading, force and response together [1]."""
-        freedom = len(self.row) - len(np.unique(self.row))
-        return float(np.sqrt(np.sum(np.abs(self.force) ** 2 + np.abs(self.response) ** 2) / max(freedom, 1)))
+        """Relative noise of one reading, force and response together [1].
+
+        Points that scatter far more than the median point are left out, if they are few: one of their
+        readings may be wrong. The median of a mean of k squares is (1 - 2/(9 k))^3 of its expectation (E. B.
+        Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931) 684).
+        """
+        parts = np.stack([np.abs(self.force), self.response.real, self.response.imag]) ** 2
+        power, freedom = np.bincount(self.row, parts.sum(axis=0), len(self.count)), self.count - 1
+        power, freedom = power[freedom > 0], freedom[freedom > 0]
+        if not power.any():
+            return 0.0
+        # the real parts differ in size, and count as fewer
+        sizes = parts.sum(axis=1)
+        squares = freedom * sizes.sum() ** 2 / np.sum(sizes**2)
+        typical = float(np.median(power / freedom / (1 - 2 / (9 * squares)) ** 3))
+        near = power <= NOISE_LIMIT_SIGMAS**2 * typical * freedom
+        if not typical or np.count_nonzero(~near) > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * len(near):
+            near[:] = True
+        return float(np.sqrt(np.sum(power[near]) / np.sum(freedom[near])))
 
     @property
     def follow_force(self) -> bool:
