@@ -26,9 +26,9 @@ from rsgen.describing.derivation import derive
 from rsgen.identification.identify import _with_held_out
 from rsgen.identification.prediction import HeldOutLevel, Prediction, predict
 from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, balance_of
-from rsgen.identification.prediction.known_values import as_identification
 from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
 from rsgen.identification.prediction.resonance_curves import predict_held_out, predict_shown
+from rsgen.identification.resonance import as_identification
 from rsgen.identification.results.result import held_out_lines
 from rsgen.law.motion import Motion
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface

@@ -1,4 +1,4 @@
-"""Resonances of a test: the paper's method.
+"""Resonances of a test, the paper's method, and of an oscillator with known values.
 
 At phase resonance the displacement lags a quarter period, so that Re F/X = k(X) - m omega^2 vanishes. With
 the resonance frequency omega_n and the damping ratio zeta of each level,
@@ -20,13 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
+from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import MISFIT_EXPLAINED, RELATIVE_ERROR_DOUBTFUL, SAMPLES_PER_PERIOD
 from rsgen.data.free_mode import estimate_mass, steady
+from rsgen.data.oscillator import Model, Oscillator
+from rsgen.describing.derivation import derive
 from rsgen.identification.fitting.fit import Fit, Solution
 from rsgen.identification.fitting.points import Points, at_resonance_alone, mass_sure
 from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO
-from rsgen.identification.results import Estimate, Resonance
+from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
 from rsgen.law.motion import harmonics_of, sine_motion
@@ -261,3 +264,77 @@ def contradicted_sweep(curve: ResonanceCurve, run: Points, top: int, way: str) -
             fold = {"level": Quantity(curve.level, curve.level_unit), "fold": Quantity(jump.frequency, "Hz")}
             return (Finding("direction-from-branch", "warning", "", fold, {"by": "jump", "sweep": way}),)
     return ()
+
+
+# ----------------------------------------------------------------------------
+# An oscillator with known values, as an identification at its resonances that can be predicted.
+
+_AMPLITUDES = np.geomspace(1e-12, 1e3, 601)
+"""Amplitudes [m] among which the resonances of an oscillator are sought."""
+
+_FREQUENCY_ITERATIONS = 4
+
+_FLANK_AMPLITUDE = 1e-2
+"""Smallest amplitude of a curve relative to that of the resonance."""
+
+HALF_WIDTHS = 8.0
+"""Half widths of the resonance on both sides of a curve."""
+
+_MIN_RELATIVE_WIDTH = 0.1
+"""Least width on both sides, relative to the frequency."""
+
+
+def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identification:
+    """Return an oscillator as an identification without errors, over the amplitudes of its resonances."""
+    values = oscillator.values
+    estimates = tuple(Estimate(name, value, 0.0, (value, value)) for name, value in values.items())
+    amplitudes, frequencies = _resonant_ranges(oscillator, levels)
+    empty = np.zeros(0)
+    return Identification(
+        model=Model(oscillator.elements, oscillator.mass),
+        refined=estimates,
+        covariance=np.zeros((len(values), len(values))),
+        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool)),
+        residual=0.0,
+        noise=0.0,
+        levels=np.array(levels),
+        amplitude_range=amplitudes,
+        frequency_range=frequencies,
+    )
+
+
+def _resonant_ranges(
+    oscillator: Oscillator, levels: Sequence[float]
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the ranges of amplitude [m] and frequency [Hz] of the resonances, to first order."""
+    function = derive(oscillator.force)
+    # each loop of states takes milliseconds
+    sizes = _AMPLITUDES[::4] if function.memory else _AMPLITUDES
+    omega = np.ones_like(sizes)
+    for _ in range(_FREQUENCY_ITERATIONS):
+        with np.errstate(all="ignore"):
+            first = function.evaluate(sizes, omega, oscillator.values, closing=False)
+            stiffness, damping = np.asarray(first.stiffness), np.asarray(first.damping)
+            closes = np.isfinite(stiffness) | (not function.memory)
+            sizes, stiffness, damping = sizes[closes], stiffness[closes], damping[closes]
+            omega = np.sqrt(np.where(stiffness > 0, stiffness, np.nan) / oscillator.mass)
+            omega = np.where(np.isfinite(omega), omega, 1.0)
+    with np.errstate(all="ignore"):
+        force = damping * omega * sizes
+    known = np.isfinite(force) & np.isfinite(stiffness) & (stiffness > 0)
+    reached = known & (force <= max(levels))
+    if reached[known][-1:].all():
+        end = f", whose memory has a loop up to {sizes[-1]:.3g} m," if function.memory and len(sizes) else ""
+        raise RsgenError(
+            f"predict: the resonance under {max(levels):g} N has no end; the law{end} needs damping, and a "
+            "stiffness that stays positive"
+        )
+    largest = float(sizes[reached][-1]) if reached.any() else float(sizes[known][0])
+    small = known & (force <= min(levels))
+    smallest = float(sizes[small][-1]) if small.any() else largest
+    chosen = known & (largest >= sizes) & (smallest * _FLANK_AMPLITUDE <= sizes)
+    width = float(np.max(damping[chosen])) / (2 * oscillator.mass)
+    low, high = float(np.min(omega[chosen])), float(np.max(omega[chosen]))
+    around = max(HALF_WIDTHS * width, _MIN_RELATIVE_WIDTH * high)
+    ends = (max(low - around, _MIN_RELATIVE_WIDTH * low), high + around)
+    return (smallest * _FLANK_AMPLITUDE, largest), (ends[0] / (2 * np.pi), ends[1] / (2 * np.pi))

@@ -20,7 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import (
+    ANY_LAW,
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
     HELD_OUT_ERROR_SMALL,
@@ -33,6 +35,7 @@ from rsgen.common.tolerances import (
     START_HARMONICS,
     interval_sigmas,
 )
+from rsgen.data.oscillator import Model
 from rsgen.data.surface.mode_findings import force_changes
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import (
@@ -45,7 +48,7 @@ from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
-from rsgen.identification.results import Identification
+from rsgen.identification.results import EquivalentCurve, Estimate, Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
@@ -498,6 +501,36 @@ class SynthesisBalance(AmplitudeBalance):
         size = np.full(len(omega), self._least * BEYOND)
         at = self.solve(size, omega)
         return np.asarray(np.abs(at.force_slope - at.force) / size)
+
+
+def table_as_identification(table: ModalTable) -> Identification:
+    """Return a modal table as an identification with ranges, levels, background, misfit and mass.
+
+    Raises
+    ------
+    RsgenError
+        The mass is not known, so that responses off resonance cannot be predicted.
+    """
+    if "damping_ratio" not in table.known:
+        raise RsgenError(
+            "predict: the modal table has no mass, so that responses off resonance do not follow; give the "
+            "mass to modal_table, or measure off resonance"
+        )
+    empty = np.zeros(0)
+    test = table.test
+    return Identification(
+        model=Model(ANY_LAW, observation=test.observation),
+        refined=(Estimate("m", table.splines.mass, 0.0, (table.splines.mass,) * 2, "kg"),),
+        covariance=np.zeros((1, 1)),
+        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units, test.base),
+        residual=table.misfit,
+        noise=table.misfit,
+        levels=test.levels,
+        amplitude_range=table.tested,
+        frequency_range=test.frequencies,
+        solution=np.zeros(len(Model(ANY_LAW).parameters)),
+        background=test.background,
+    )
 
 
 # ----------------------------------------------------------------------------

@@ -41,11 +41,10 @@ from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
-from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, SynthesisBalance, balance_of
-from rsgen.identification.prediction.known_values import (
-    HALF_WIDTHS,
-    as_identification,
-    force_per_level,
+from rsgen.identification.prediction.amplitude_balance import (
+    AmplitudeBalance,
+    SynthesisBalance,
+    balance_of,
     table_as_identification,
 )
 from rsgen.identification.prediction.prediction_result import (
@@ -63,7 +62,7 @@ from rsgen.identification.prediction.prediction_result import (
     points_under,
     score_points,
 )
-from rsgen.identification.resonance import contradicted_sweep
+from rsgen.identification.resonance import HALF_WIDTHS, as_identification, contradicted_sweep
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION
 
@@ -159,7 +158,7 @@ def predict(
         held_out = _score(found, balance, surface, held)
     unseen = [one.force for one in held_out or found.held_out if isinstance(one, HeldOutLevel)]
     forces = np.unique([*found.levels, *filter(isfinite, unseen)])
-    chosen = asked or (forces / force_per_level(found)).tolist()
+    chosen = asked or (forces / _force_per_level(found)).tolist()
     # free decays and resonances alone have no band: the law has flanks
     fitted_law = table is None and tested[1] < inf and not sensors
     flanks = _resonance_band(found, balance, chosen) if fitted_law and band is None else None
@@ -196,7 +195,7 @@ def _resonance_band(
     if np.ptp(tested) > balance.equivalent(size, omega, None)[1] / (2 * found.mass):
         return None
     for level in levels:
-        omega, size = balance.peak(level * force_per_level(found), (tested[0], tested[1]))
+        omega, size = balance.peak(level * _force_per_level(found), (tested[0], tested[1]))
         if len(omega) and isfinite(omega[0]):
             width = float(balance.equivalent(size, omega, None)[1][0]) / (2 * found.mass)
             around = min(HALF_WIDTHS * width, float(omega[0]) / 2)
@@ -241,6 +240,11 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
     held = surface.held_out(found.model.observation.hold_out)
     held_out = _score(found, balance_of(found), surface, held)
     return Prediction((), held_out, (*meant, *missing_findings(held_out), *missed_findings(held_out)))
+
+
+def _force_per_level(found: Identification) -> float:
+    """Return the force [N] for each m/s^2 of a driven base: the mass, or 1 where there is none."""
+    return found.mass if found.curve.base and np.isfinite(found.curve.units.kilogram) else 1.0
 
 
 def _levels(levels: float | Sequence[float]) -> list[float]:
@@ -393,7 +397,7 @@ def _curve(
     known: tuple[float, float],
 ) -> ResonanceCurve:
     """Compute the curve of a level within a window of frequencies [rad/s]; ``known`` are the tested [Hz]."""
-    force = level * force_per_level(identification)
+    force = level * _force_per_level(identification)
     spans = balance.spans(force, window)
     parts = [part for span in spans for part in _branches(balance, force, span, window)]
     columns = list[ComplexArray]()
