@@ -129,10 +129,10 @@ def misfit_findings(
         # gains of the levels are no other law: they are as doubtful as the misfit is large
         severity = severity if "levels" in names or rejected else "doubt"
     known = not any(finding.code in CODES_OF_RESPONSE for finding in surface.findings)
-    # a wrong fixed value is no other gain of a single level
-    most = left_by_cause if gain else min(left_by_term, MISFIT_EXPLAINED) if rejected else left_by_term
+    # a wrong fixed value is no other gain of a single level that takes up most, and no fault of the law
+    alone = "gain" in gain and left_by_cause < (1 - MIN_MISFIT_REDUCTION) * misfit
+    most = left_by_cause if alone else min(left_by_term, MISFIT_EXPLAINED if rejected else inf)
     if known and not surface.decays and (fixed := _contradicted(surface, fit, most)):
-        # the law is not to blame for what it was given
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
@@ -186,8 +186,7 @@ def _cause(
         The misfit that the best term leaves, and the best cause; its names, none if it takes up too little.
     """
     misfit, terms, problem = fit.regression.rms_misfit, others.kinds["term"], fit.problem
-    # to first order large terms are misjudged, such as the linear damper of a law without one; to the
-    # intervals of a joint its linear spring and damper are no alternatives, they would leave all values open
+    # to first order large terms are misjudged, as a linear damper; a joint they would leave without values
     linear = fit_missing_terms(fit, max(fit.regression.sigma, 1e-300), ("x", "v"))
     tried = [name for name, one in linear.items() if np.isfinite(one.error)]
     most = max(one.gain for one in terms.values())
@@ -210,9 +209,10 @@ def _cause(
         names["also"] = listed(alike)
     if not (only_terms or left_by_term < enough):
         curves = free_curves_leave(fit, points)
-        factors = inf if decays else force_factors(fit)[0]
+        factors, _, most_left = (inf, {}, inf) if decays else force_factors(fit)
         names = {"free": "curves"} if curves < factors else {"levels": "force"}
         left_by_cause = min(curves, factors) * misfit
+        enough = min(most_left * misfit, left_by_term) if "levels" in names else enough
     if names.get("term") in _LIKE_EVEN and not records_even(problem) and _is_symmetric(problem):
         names["even"] = "k2*x**2"
     return left_by_term, left_by_cause, names if left_by_cause < enough else {}

@@ -197,8 +197,9 @@ def free_curves_leave(fit: Fit, points: Points) -> float:
     return float(np.sqrt(share / (1 - free.unknowns / (2 * len(missed)))))
 
 
-def force_factors(fit: Fit) -> tuple[float, dict[float, float]]:
-    """Return the share of the misfit left by another factor of the force at each level, and these factors.
+def force_factors(fit: Fit) -> tuple[float, dict[float, float], float]:
+    """Return the share of the misfit left by another factor of the force at each level, these factors, and
+    the largest share that a cause leaves (``_left_by_half``): friction takes up a part of a wrong force.
 
     A shaker whose force was not measured, or an amplifier, has a gain that changes with the level. To first
     order the residual changes by the same column c for a factor of all forces; its rows at one level are the
@@ -211,23 +212,27 @@ def force_factors(fit: Fit) -> tuple[float, dict[float, float]]:
     names = np.unique(levels)
     at = levels[:, None] == names
     if len(residual) != len(levels) or len(levels) < POINTS_PER_KNOT * at.shape[1]:
-        return np.inf, {}
+        return np.inf, {}, np.inf
     columns = np.concatenate([matrix[:, :, fit.problem.free], column[:, :, None] * at[:, None]], axis=2)
     right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
     solution = solve_scaled(rows, right)[0]
     left = right - rows @ solution
     gains = solution[-len(names) :]
     factors = dict(zip(names.tolist(), np.exp(gains - np.median(gains)).tolist(), strict=True))
-    return float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right)))), factors
+    share = float(np.sqrt(np.sum(left**2) / np.sum(right**2) / (1 - at.shape[1] / len(right))))
+    return share, factors, _left_by_half(residual, points.select(fit.regression.used).neighbours)[1]
 
 
 def other_gain(fit: Fit, unit: str) -> dict[str, Quantity]:
-    """Return the level whose force has another factor than all others, and the factor; none if several do."""
+    """Return the level whose force has another factor than all others as its "gain", the one that is farthest
+    off as a "factor" where several do.
+    """
     factors = force_factors(fit)[1]
     *others, (worst, level) = sorted((abs(np.log(factor)), level) for level, factor in factors.items())
-    if len(others) < 2 or worst < DEVIATING_MISFIT_RATIO * others[-1][0]:
+    if len(others) < 2:
         return {}
-    return {"level": Quantity(level, unit), "gain": Quantity(factors[level])}
+    name = "gain" if worst >= DEVIATING_MISFIT_RATIO * others[-1][0] else "factor"
+    return {"level": Quantity(level, unit), name: Quantity(factors[level])}
 
 
 class _ChannelError(NamedTuple):
@@ -243,7 +248,7 @@ def channel_finding(
 ) -> Finding | None:
     """Find a delay, a phase error or a gain of a channel that takes up most of a misfit, to first order.
 
-    Most is meant of what neighbours share; the rest is noise. ``rivals`` are what a term and free curves
+    Most is meant of what neighbours share (``_left_by_half``). ``rivals`` are what a term and free curves
     leave, ``left_by`` what backgrounds leave, which have more values. A narrow band does not tell a delay
     from a phase error, nor a lag from losses that do not grow with the frequency, which free curves take up.
     On a driven ``base`` the mass follows from the force, so that the points show the gain, of a relative or
@@ -260,9 +265,7 @@ def channel_finding(
     kinds = min(errors, key=lambda kinds: min(kinds.values()))
     best = min(kinds, key=kinds.__getitem__)
     left, off, within = kinds[best]
-    power, shared = neighbour_power(residual, used.neighbours)
-    noise = misfit * float(np.sqrt(1 - np.clip(np.sum(shared) / np.sum(power), 0, 1)))
-    most = np.hypot(noise, (1 - MIN_MISFIT_REDUCTION) * np.sqrt(misfit**2 - noise**2))
+    noise, most = (misfit * share for share in _left_by_half(residual, used.neighbours))
     taken = misfit**2 - left**2
     clear = taken > max(MISFIT_NEGLIGIBLE**2, MIN_SIGNIFICANT_GAIN / fit.regression.freedom * left**2)
     clear &= simplest_background({best: left, **left_by}, misfit) == best
@@ -280,6 +283,13 @@ def channel_finding(
         numbers["turn"] = Quantity(kinds["turn"].value, "rad")
     names |= {"loss": "yes"} if off < 0 and min(rivals) < more * left else {}
     return Finding("channels-delayed", "doubt", numbers=numbers, names=names)
+
+
+def _left_by_half(residual: Array, pairs: NDArray[np.intp]) -> tuple[float, float]:
+    """Return the share of noise, which neighbours do not share, in a misfit, and it with half of the rest."""
+    power, shared = neighbour_power(residual, pairs)
+    noise = float(np.sqrt(1 - np.clip(np.sum(shared) / np.sum(power), 0, 1)))
+    return noise, float(np.hypot(noise, (1 - MIN_MISFIT_REDUCTION) * np.sqrt(1 - noise**2)))
 
 
 def _channel_errors(

@@ -231,19 +231,32 @@ def test_a_value_that_was_fixed_at_zero_is_no_factor_of_another():
     }
 
 
-@pytest.mark.parametrize("place", [0, 2])
-def test_a_level_whose_channel_has_another_gain_is_named(place):
-    """All levels were said to have other factors, or the given mass to be wrong."""
-    test = surface("cubic")
+@pytest.mark.parametrize(
+    ("law", "place", "noise"), [("cubic", 0, 1e-3), ("cubic", 2, 1e-3), ("coulomb", 0, 1e-2)]
+)
+def test_a_level_whose_channel_has_another_gain_is_named(law, place, noise):
+    """All levels were said to have other factors, or the given mass to be wrong; next to noise, none."""
+    test = surface(law)
     level = float(test.levels[place])
-    response = noisy(test, NOISE / 10, 1).harmonics[:, 1] * np.where(test.level == level, 1.05, 1)
+    response = noisy(test, noise, 1).harmonics[:, 1] * np.where(test.level == level, 1.05, 1)
     for mass in (MASS, None):
         read = rsgen.ResponseSurface(test.level, test.frequency, test.force, response)
-        found = rsgen.identify(read, LAWS["cubic"][0], **({"mass": mass} if mass else {}))
+        found = rsgen.identify(read, LAWS[law][0], **({"mass": mass} if mass else {}))
         assert "fixed-contradicted" not in codes(found)
         (said,) = (one for one in found.findings if one.code == "law-does-not-fit")
         assert said["level"] == level
-        assert said["gain"] == pytest.approx(1 / 1.05, rel=5e-3)
+        assert said["gain"] == pytest.approx(1 / 1.05, rel=3e-3 + 2 * noise)
+
+
+def test_of_levels_with_several_gains_the_one_that_is_farthest_off_is_named():
+    test = surface("coulomb")
+    by = np.where(test.level == test.levels[0], 1.05, np.where(test.level == test.levels[2], 0.97, 1))
+    read = rsgen.ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1] * by)
+    (said,) = (
+        one for one in rsgen.identify(read, LAWS["coulomb"][0]).findings if one.code == "law-does-not-fit"
+    )
+    assert (said["level"], "gain" in said.numbers) == (test.levels[0], False)
+    assert said["factor"] == pytest.approx(1 / 1.05, rel=0.02)
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (2, 3)])
