@@ -62,6 +62,14 @@ def test_halves_of_a_noisy_step_that_agree_within_noise_are_settled_with_their_t
     assert np.all(surface.residual < 4 * 2 * surface.error)
 
 
+@pytest.mark.parametrize(("pace", "doubts"), [(0.01, ["points-excluded"]), (0.0, [])], ids=["swept", "held"])
+def test_a_slow_sweep_that_is_read_as_steps_which_do_not_settle_is_a_doubt(pace: float, doubts: list[str]):
+    t = np.arange(0, 60, 1 / RATE)
+    force = np.sin(2 * np.pi * (9.6 + pace * t / 2) * t)
+    surface = from_stepped_sine(TimeHistory(RATE, force, response_to(force)))
+    assert [finding.code for finding in surface.findings if finding.severity == "doubt"] == doubts
+
+
 @settings(max_examples=20)
 @given(f=st.floats(0.01, 0.12), off=st.floats(-0.4, 0.4), phase=st.floats(0, 6), mean=st.floats(-2, 2))
 def test_a_sine_is_fitted_exactly_and_its_frequency_refined(f: float, off: float, phase: float, mean: float):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, quantities
 from rsgen.common.tolerances import (
     MAX_TRIAL_STEPS,
     MIN_MISFIT_REDUCTION,
@@ -184,6 +184,10 @@ def from_stepped_sine(
         findings += check_response(history, line, power)
         steps += fitted
         sweeps.append(_directions(np.array([s.frequency for s in fitted])))
+    moving = sum(s.outcome == Outcome.UNSETTLED for s in steps)
+    if 2 * moving > len(steps):
+        numbers = quantities(excluded=moving, points=len(steps))
+        findings.append(Finding("points-excluded", "doubt", "", numbers, {"by": "settling"}))
     return ResponseSurface(
         level=name_levels([(s.level, abs(s.force[1])) for s in steps]),
         frequency=np.array([s.frequency for s in steps]),
@@ -209,7 +213,8 @@ def _steps_of(history: TimeHistory, band: tuple[float, float] | None, harmonics:
     if not fitted:
         raise MeasurementError(
             f"{history.label}: no step found in the force{' in the band' if band else ''}: a frequency "
-            f"must be held for at least {2 * _MIN_PERIODS} periods; {NO_SINE}"
+            f"must be held for at least {2 * _MIN_PERIODS} periods, and one that moves all the time is read "
+            f'with test.excitation = "swept-sine"; {NO_SINE}'
         )
     return fitted
 
