@@ -238,7 +238,7 @@ def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
     assert not named(*swapped, force.T, motion.T)
     assert named(*swapped, force, motion) == ["levels"]
     one = ResponseSurface(np.ones(72), right[1], force.ravel(), motion.ravel(), control=control)
-    assert ["one" in found.names for found in level_findings(one)] == [True] * (control == "force")
+    assert ["one" in found.names for found in level_findings(one)] == [control == "force"]
     nominal = ResponseSurface(np.ones(72), right[1], 1.0, motion.ravel(), control=control)
     assert [f.names["rows"] for f in row_findings(nominal)] == ["readings"] * (control == "force")
     if control == "force":

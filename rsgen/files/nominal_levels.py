@@ -19,7 +19,12 @@ from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_R
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
 from rsgen.data.surface.mode_findings import nearest_factor
 from rsgen.data.surface.plausibility import COMMON_FACTORS
-from rsgen.data.surface.response_surface import ResponseSurface, amounts_of_levels, typical_amounts
+from rsgen.data.surface.response_surface import (
+    ResponseSurface,
+    amounts_of_levels,
+    control_findings,
+    typical_amounts,
+)
 from rsgen.files.plan import UNIT_IN_NAME, MeasuredTest
 from rsgen.files.signals import star_pattern
 
@@ -100,8 +105,6 @@ _MAX_LEVEL_SPREAD = 0.05
 """Runs whose forces differ by less than this fraction share a level: shakers repeat it to a few per cent."""
 _MIN_SHARE_OF_SWEEP_STEPS = 0.8
 """A run is a sweep where this share of its steps goes one way; levels side by side at a frequency do not."""
-_MIN_RANGE_IF_FREE = 0.5
-"""Relative range, from the 10 to the 90 per cent quantile, of an amount that is not controlled."""
 
 
 def group_levels(force: Array, spread: float) -> Array:
@@ -256,25 +259,6 @@ def level_in_name(test: MeasuredTest, name: str, label: str) -> float:
     return level
 
 
-def _relative_range(values: Array) -> float:
-    """Range of amounts over their median, without the outermost."""
-    low, middle, high = np.quantile(values, [0.1, 0.5, 0.9])
-    return float((high - low) / middle) if middle > 0 else np.inf
-
-
-def _control_findings(surface: ResponseSurface) -> list[Finding]:
-    """Find the level at which a response that should be constant varies most."""
-    good = surface.settled & np.isfinite(surface.amplitude)
-    rows = [(v, np.flatnonzero(good & (surface.level == v))) for v in surface.levels]
-    moved, level = max(
-        (_relative_range(surface.amplitude[at]) if len(at) else 0.0, float(v)) for v, at in rows
-    )
-    if moved < _MIN_RANGE_IF_FREE:
-        return []
-    numbers = {"moved": Quantity(moved), "level": Quantity(level, "m")}
-    return [Finding("response-not-held", "doubt", numbers=numbers)]
-
-
 def _rounded(amount: Array) -> Array:
     """Round amounts to names, with as many digits as distinguish different ones."""
     for digits in range(LEVEL_DIGITS, 17):
@@ -310,7 +294,7 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     levels = surface.levels
     typical = typical_amounts(surface, surface.drive)
     if test.control == "response":
-        surface = replace(surface, findings=(*surface.findings, *_control_findings(surface)))
+        surface = replace(surface, findings=(*surface.findings, *control_findings(surface)))
     if known and not test.level.labels:
         if any(finding.code == "levels-disagree" for finding in surface.findings):
             # of two runs that were driven differently there is no typical amount

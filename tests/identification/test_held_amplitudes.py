@@ -110,6 +110,7 @@ def test_real_amplitudes_with_a_complex_force_are_its_phase_reference():
     ("level", "control", "said"),
     [
         (1.0, "force", "the test held its response"),
+        (1e4, "force", "the test held its response"),
         (1000.0, "response", "the amplitude that was held is 300 µm, 0.001 times as much"),
         (None, "response", "as where the measured amplitudes were given as levels"),
         (1.0, "response", ""),
@@ -122,6 +123,13 @@ def test_levels_are_compared_with_the_amplitudes_that_were_held(level, control, 
     found = [rs.sentence(one) for one in level_findings(surface)]
     assert len(found) == bool(said)
     assert said in "".join(found)
+
+
+def test_a_response_that_varies_under_a_held_force_was_not_held():
+    test = held(3e-4, seed=0)
+    free = test.harmonics[:, 1] / test.force
+    surface = rs.ResponseSurface(test.level, test.frequency, np.ones(len(free)), free, control="response")
+    assert [found.code for found in level_findings(surface)] == ["response-not-held"]
 
 
 def test_a_ranking_says_that_the_structure_feeds_its_exciter():

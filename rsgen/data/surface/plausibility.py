@@ -27,7 +27,7 @@ from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_EXPLAINED, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, copied_levels, misnamed_levels
-from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts
+from rsgen.data.surface.response_surface import ResponseSurface, control_findings, typical_amounts
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
 """Of the right reading to another one: noise and a wrong law leave the rest of the misfit. In measured tests
@@ -187,16 +187,16 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     another unit or gain; where it is another at the fewer levels, these are wrong. A shaker loses force
     smoothly: where neighbours differ and levels do not, the columns do not belong together."""
     held, unit = surface.response_held, surface.level_unit
-    if surface.decays or not (held or unit == "N"):
+    said = {finding.code for finding in surface.findings}
+    if surface.decays or not (held or unit == "N") or "response-not-held" in said:
+        return
+    if other := control_findings(surface):
+        yield from other
         return
     level, size = surface.level[rows := usable_points(surface)], surface.amplitude[rows]
     force, levels = size if held else np.abs(surface.force[rows]), np.unique(level[level > 0])
     typical = np.array([np.median(force[level == one]) for one in levels])
-    names, off = {"by": "amplitude"} if held else {}, np.abs(np.log(size[level > 0] / level[level > 0]))
-    if not held and np.any(typical > levels) and off.max() < np.log(LEVEL_TOLERANCE):
-        names, numbers = {"by": "response"}, quantities(unit, level=levels[-1], force=typical[-1])
-        yield Finding("levels-disagree", "doubt", "", numbers, names)
-        return
+    names = {"by": "amplitude"} if held else {}
     if not held:
         yield from misnamed_levels(levels, typical, surface.findings)
     # shakers lose force near a resonance: a level between the forces there and the largest is as it should be

@@ -22,7 +22,7 @@ from rsgen.common.errors import RsgenError, known_arguments, listed, require
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.output import write_atomic
 from rsgen.common.text_table import short
-from rsgen.common.tolerances import STANDARD_ERRORS_OF_DIFFERENCE
+from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL, STANDARD_ERRORS_OF_DIFFERENCE
 from rsgen.data.record_set import BASE_UNITS, FILE_ROUND_OFF, Records, below_acceleration
 from rsgen.data.surface.columns import (
     COLUMN_UNITS,
@@ -48,6 +48,36 @@ def within_half_power(force: ComplexArray, response: ComplexArray) -> NDArray[np
     """Return True (n,) where a response lags its force by a quarter period, within 45 degrees."""
     stiffness = force / response
     return np.asarray(np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness))
+
+
+_MIN_RANGE_IF_FREE = 0.5
+"""Relative range, from the 10 to the 90 per cent quantile, of an amount that is not controlled."""
+
+
+def _largest_range(surface: ResponseSurface, amount: Array) -> tuple[float, float]:
+    """Return the largest range of an amount (n,) at one level, over its median, and the level."""
+    found = [(0.0, float(surface.levels[0]))]
+    for level in surface.levels:
+        at = surface.settled & (surface.level == level) & np.isfinite(amount) & (amount > 0)
+        if at.any():
+            low, middle, high = np.quantile(amount[at], [0.1, 0.5, 0.9])
+            found.append((float((high - low) / middle), float(level)))
+    return max(found)
+
+
+def control_findings(surface: ResponseSurface) -> list[Finding]:
+    """Find that a response varies that should be held, or was held in place of the force; none or one."""
+    held = surface.control == "response"
+    (moved, at), (pushed, under) = (
+        _largest_range(surface, size) for size in (surface.amplitude, np.abs(surface.force))
+    )
+    if held and moved > _MIN_RANGE_IF_FREE:
+        numbers = {"moved": Quantity(moved), "level": Quantity(at, "m")}
+        return [Finding("response-not-held", "doubt", numbers=numbers)]
+    if surface.control != "force" or pushed < _MIN_RANGE_IF_FREE or moved > RELATIVE_ERROR_DOUBTFUL:
+        return []
+    numbers = {"moved": Quantity(pushed), "level": Quantity(under, surface.level_unit)}
+    return [Finding("levels-disagree", "doubt", numbers=numbers, names={"by": "response"})]
 
 
 def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
