@@ -238,7 +238,6 @@ _NOISE_AS_SINE = 2 * _NO_SINE
 _MIN_POINTS_AT_RESONANCE = 5
 """Points within the width of a resonance below which one outlier decides the damping."""
 
-
 _MIN_SHARE_OF_RELEASE = 2 / 3
 """Of the largest amplitude of a first period; where fitted ones stay below, a cubic term is half of it."""
 
@@ -262,8 +261,8 @@ class Findings:
 
     Parameters
     ----------
-    surface, points
-        All points of the test, and those that were fitted, without the background.
+    read, surface, points
+        All points of the test as read; they, and those that were fitted, without the background.
     fit
         The refined one.
     resonances
@@ -278,6 +277,7 @@ class Findings:
         Estimates of the background; None without one.
     """
 
+    read: ResponseSurface
     surface: ResponseSurface
     points: Points
     fit: Fit
@@ -362,12 +362,13 @@ class Findings:
         found += gain_findings(problem.observed.background, self.fit.background, variance, self.fit.mass)
         found += self._motion()
         found += self._implausible(calibrated, {finding.parameter for finding in of_parameters})
-        # next to a background a mode without a law has another mass
-        mass = self.model.mass if self.model.observation.background == "none" else None
+        # next to a background a mode without a law has another mass; a wrong mass turns the phase
+        mass = self.model.mass if self.model.observation.background in ("none", "phase") else None
         regression = self.fit.regression
         few_left_out = float(np.mean(~regression.used)) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE
         near = not self.fit.systematic or regression.rms_misfit < MISFIT_DOUBTFUL_WITH_PATTERN
-        found += mode_findings(self.surface, mass, found, near and few_left_out)
+        seen = self.surface if mass is None else self.read
+        found += mode_findings(seen, mass, found, near and few_left_out)
         found += self._runs()
         return found
 
@@ -471,11 +472,10 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     first = _FirstOrder.of(kept, refined)
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     background = _background(refined, errors.with_background, surface.units, resonances)
-    of_force = force_units(model, surface.units)
-    curve = equivalent_curve(surface, points, refined, of_force, model.observation)
+    curve = equivalent_curve(surface, points, refined, force_units(model, surface.units), model.observation)
     mass = refined.mass if all(e.identifiable for e in stated.refined if e.name == "m") else nan
     predicted = refined.harmonics[used, 0].real
-    findings = Findings(surface, points, refined, resonances, errors, model, stated, background)
+    findings = Findings(test.surface, surface, points, refined, resonances, errors, model, stated, background)
     return Identification(
         model=model,
         paper=later(lambda: make_estimates(paper(), law, model, {}, units)),

@@ -90,7 +90,7 @@ def size_findings(table: ResponseSurface | MultisineSpectra, case: Case) -> list
     if isinstance(table, MultisineSpectra):
         return list(implausible(table)) if calibrated else []
     found = [*plausibility_findings(table, calibrated=calibrated)]
-    mass = case.model.mass if case.observation.background == "none" else None
+    mass = case.model.mass if case.observation.background in ("none", "phase") else None
     return [*found, *mode_findings(table, mass, found)]
 
 
