@@ -231,8 +231,9 @@ def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k, c, m):
 
 
 def test_a_level_at_which_friction_holds_the_mass_is_a_finding():
-    stuck = predict(Oscillator(1.0, "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 1.0, "Ff": 10.0}), [1.0, 20.0])
-    assert [(found.code, found["level"]) for found in stuck.findings] == [("no-steady-state", 1.0)]
+    stuck = predict(Oscillator(1.0, "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 1.0, "Ff": 10.0}), [1, 11, 20])
+    said = [(found.code, found["level"], found.names.get("by")) for found in stuck.findings]
+    assert said == [("no-steady-state", 1.0, "rest"), ("no-steady-state", 11.0, None)]
     # 4/pi of the friction
     assert stuck.findings[0]["least"] == pytest.approx(12.73, rel=1e-3)
     assert "friction of 10 N holds the mass" in sentence(stuck.findings[0])

@@ -122,6 +122,7 @@ def test_a_friction_too_sharp_for_the_test_is_bounded_and_not_identified(shape, 
     if value is None:
         assert not estimate.identifiable
         assert estimate.interval[side] == (-np.inf, np.inf)[side]
+        assert estimate.cells[2].startswith(("at most ", "at least ")[side])
     else:
         assert estimate.identifiable
         assert estimate.interval[0] < value < estimate.interval[1]

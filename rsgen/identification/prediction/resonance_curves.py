@@ -285,7 +285,9 @@ def _findings(
         stops = _friction_under(found, curve)
         if len(curve.frequency) == 0 or stops:
             data = {"level": numbers["level"], **stops}
-            findings.append(Finding("no-steady-state", "warning", numbers=data))
+            at_rest = "friction" in stops and curve.force <= stops["friction"].value
+            names = {"by": "rest"} if at_rest else {}
+            findings.append(Finding("no-steady-state", "warning", numbers=data, names=names))
         if len(curve.frequency) == 0:
             continue
         if isinstance(balance, SynthesisBalance) and curve.rises_at_end:
