@@ -430,6 +430,8 @@ def fast_sweeps(
             severity = "info" if pace <= _PROVED_PACE else severity_of(pace, _LOST_PACE, inf)
             if severity == "doubt":
                 names["doubt"] = "pace"
+            elif severity == "info" and change > 1:
+                severity, names["doubt"] = "warning", "size"
             if doubted > RELATIVE_ERROR_DOUBTFUL:
                 severity, names["doubt"] = "doubt", "mass"
         findings = [Finding("sweep-rate", severity, "", numbers, names)]
