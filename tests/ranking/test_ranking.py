@@ -37,7 +37,7 @@ from rsgen.law.element import laws, make_element
 from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
 from rsgen.report.result_json import ranking_entry
-from rsgen.report.sentences import sentence
+from rsgen.report.sentences import next_step, sentence
 from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.conftest import FEW, Answer
@@ -783,3 +783,12 @@ def test_a_law_that_loses_other_points_of_fundamentals_is_not_judged_by_these_al
     ranking = rank(fundamentals(table), rivals, mass=5.25)
     assert ranking.fits
     assert set(ranking.candidates[0].values) == {"k", "kb", "c", "Ff"}
+
+
+def test_the_next_step_of_a_best_law_that_misses_something_is_no_further_ranking() -> None:
+    found, missed = ranked("cubic").best, Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.011})
+    best = replace(ranked("cubic"), identified=replace(found, findings=(missed,))).best
+    (said,) = (finding for finding in best.findings if finding.code == missed.code)
+    assert "rsgen rank" in next_step(missed)
+    assert next_step(said)
+    assert "rsgen rank" not in next_step(said)

@@ -195,8 +195,8 @@ class Ranking(Printed):
             if any(f.code == "channels-delayed" for f in found.findings):
                 against = tuple(f for f in against if f.names.get("kind") != "phase")
             against = tuple(f for f in against if _topic(f) not in said)
-            # of a law that is the best of those that do not fit a ranking is no advice
-            names = {} if self.fits else {"ranked": "none fits"}
+            # of the best law another ranking is no advice
+            names = {"ranked": "best" if self.fits else "none fits"}
             own = (
                 replace(f, names={**f.names, **names})
                 if f.code in ("law-does-not-fit", "parts-disagree")
