@@ -213,7 +213,14 @@ class StatedVerdict(TypedDict):
 
 
 MISREADINGS = frozenset(
-    {"levels-swapped", "not-passive", "another-quantity", "base-misread", "channels-delayed"}
+    {
+        "levels-swapped",
+        "not-passive",
+        "another-quantity",
+        "base-misread",
+        "channels-delayed",
+        "unit-contradicts-title",
+    }
 )
 """Codes of a signal or level that was read as another one; further findings may follow from it."""
 

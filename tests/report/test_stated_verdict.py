@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.finding import Finding, Quantity, Verdict
+from rsgen.common.finding import Finding, Quantity, Verdict, reasons_of, steps_once
 from rsgen.identification.results import Identification
 from rsgen.report import sentences
 from rsgen.report.page import write_index
@@ -27,6 +27,18 @@ WARNING = Finding("points-excluded", "warning", numbers={"excluded": 3, "points"
 
 def found_with(*findings: Finding) -> Identification:
     return replace(IDENTIFICATION, findings=findings)
+
+
+def test_what_a_unit_that_was_misread_may_explain_is_counted_behind_it():
+    """Degrees that were read as radians had the step of a damper that feeds energy, too."""
+    read = {"file": "a.csv", "column": "phase", "unit": "rad", "beyond": "yes"}
+    degrees = Finding("unit-contradicts-title", "doubt", names=read)
+    fed = Finding("damping-feeds-energy", "doubt", "c", {"value": Quantity(-1.0), "share": Quantity(1.0)})
+    stated = state_verdict(found_with(fed, ERROR, degrees).verdict)
+    cause, rest = reasons_of(stated)
+    assert cause == full_sentence(degrees)
+    assert rest.endswith(": 2 findings.")
+    assert steps_once(stated) == [next_step(degrees)]
 
 
 @pytest.mark.parametrize(("tolerance", "findings", "held_out", "state", "decided"), [
