@@ -184,10 +184,6 @@ def from_stepped_sine(
         findings += check_response(history, line, power)
         steps += fitted
         sweeps.append(_directions(np.array([s.frequency for s in fitted])))
-    moving = sum(s.outcome == Outcome.UNSETTLED for s in steps)
-    if 2 * moving > len(steps):
-        numbers = quantities(excluded=moving, points=len(steps))
-        findings.append(Finding("points-excluded", "doubt", "", numbers, {"by": "settling"}))
     return ResponseSurface(
         level=name_levels([(s.level, abs(s.force[1])) for s in steps]),
         frequency=np.array([s.frequency for s in steps]),
@@ -197,8 +193,16 @@ def from_stepped_sine(
         outcome=np.array([s.outcome for s in steps]),
         residual=np.array([s.change for s in steps]),
         error=np.array([s.error for s in steps]),
-        findings=tuple(findings),
+        findings=(*findings, *_unsettled(steps)),
     )
+
+
+def _unsettled(steps: Sequence[_Step]) -> list[Finding]:
+    """Return a doubt where most steps did not settle, as those that are found in a sweep."""
+    moving = sum(s.outcome == Outcome.UNSETTLED for s in steps)
+    numbers = quantities(excluded=moving, points=len(steps))
+    settling = Finding("points-excluded", "doubt", "", numbers, {"by": "settling"})
+    return [settling] if 2 * moving > len(steps) else []
 
 
 def _steps_of(history: TimeHistory, band: tuple[float, float] | None, harmonics: int) -> list[_Step]:

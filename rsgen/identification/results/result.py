@@ -81,10 +81,8 @@ class Estimate:
             return (self.name, "", "", self.unit, reason or "not-identifiable")
         digits = with_error(self.value, self.standard_error)
         low, high = (short(end, digits) for end in self.interval)
-        known = tuple(map(isfinite, self.interval))
-        ends = {(False, True): f"at most {high}", (True, False): f"at least {low}"}.get(
-            known, f"{low} to {high}"
-        )
+        below, above = map(isfinite, self.interval)
+        ends = f"{low} to {high}" if below == above else f"at least {low}" if below else f"at most {high}"
         kind = ", by profile" if self.by_profile else ""
         return (self.name, short(self.value, digits), ends + kind, self.unit, reason)
 
