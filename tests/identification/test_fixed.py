@@ -24,51 +24,43 @@ from rsgen.report.sentences import in_order, next_step, state_verdict
 from tests.case_files import Literal, write_small
 from tests.case_files import law as case_law
 from tests.surfaces import LAWS, MASS, beside, codes, noisy, surface
+from tests.virtual import fundamentals, only, simulated
 
 NOISE = 0.01
-
-
-@functools.cache
-def found(law: str, *names: str) -> rsgen.Identification:
-    true = {**LAWS[law][1], "m": MASS}
-    return rsgen.identify(
-        noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: true[name] for name in names}
-    )
+LAW = LAWS["cubic"][0]
+BLAMED = {"law-does-not-fit", "law-ambiguous", "parts-disagree", "not-converged"}
+"""What a wrong value that is stated as known must not be taken for."""
 
 
 @pytest.mark.parametrize(("law", "name", "wrong"), [
     ("cubic", "k", 6200.0), ("piecewise", "b", 0.012), ("cubic", "kn", -2.4e5), ("combined", "cn", 1.35),
 ])  # fmt: skip
 def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
-    asked = rsgen.identify(noisy(surface(law), NOISE, 1), LAWS[law][0], fixed={name: wrong})
-    (said,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
+    (text, true), test = LAWS[law], noisy(surface(law), NOISE, 1)
+    asked = rsgen.identify(test, text, fixed={name: wrong})
+    said = only(asked, "fixed-contradicted")
     assert (said.parameter, said.severity, said["given"]) == (name, "doubt", wrong)
-    # neither the law nor a term is to blame for it, nor do parts disagree with the value of the points
     assert said in asked.verdict.decided_by
-    assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree", "not-converged"}
-    assert said["fitted"] == pytest.approx(LAWS[law][1][name], rel=5e-3)
-    assert not any(finding.code == "fixed-contradicted" for finding in found(law, name).findings)
+    assert not codes(asked) & BLAMED
+    assert said["fitted"] == pytest.approx(true[name], rel=5e-3)
+    assert "fixed-contradicted" not in codes(rsgen.identify(test, text, fixed={name: true[name]}))
 
 
 @pytest.mark.parametrize(
     ("times", "wrong"), [(1.006, ""), (0.995, ""), (1, "gains"), (1, "pick-up"), (1, "law")]
 )
 def test_a_mass_hardly_off_comes_first_where_another_leaves_noise(times, wrong):
-    """It was 40 standard errors off, which were given to the sides of the resonance and to a background."""
-    test = noisy(surface("cubic"), 1e-3, 1)
+    law = "cubic" if wrong != "law" else "combined"
+    test = noisy(surface(law), 1e-3, 1)
     gains = 1 + 0.006 * np.sin(3 * test.level)
     test = replace(test, force=test.force * gains) if wrong == "gains" else test
     test = beside(test, 0.01 * test.force / 5920) if wrong == "pick-up" else test
-    law = LAWS["cubic" if wrong != "law" else "combined"][0]
-    asked = rsgen.identify(
-        noisy(surface("combined"), 1e-3, 1) if wrong == "law" else test, law, mass=times * MASS
-    )
+    asked = rsgen.identify(test, LAWS[law][0], mass=times * MASS)
     assert ("fixed-contradicted" in codes(asked)) == (not wrong)
     if not wrong:
         assert [one.code for one in asked.verdict.decided_by] == ["fixed-contradicted"]
-        assert ", misfit" in str(asked)
-        assert ", noise" not in str(asked)
-        assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree"}
+        assert (", misfit" in str(asked), ", noise" in str(asked)) == (True, False)
+        assert not codes(asked) & BLAMED
 
 
 @pytest.mark.parametrize(("times", "said"), [
@@ -84,12 +76,12 @@ def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
     if times not in (2.0, 1000.0, 1.3):
         return
     few = surface("cubic", np.linspace(2, 12, 3))
-    asked = rsgen.identify(noisy(few, NOISE, 1), LAWS["cubic"][0], mass=times * MASS)
-    (found,) = (finding for finding in asked.findings if finding.code == "fixed-contradicted")
+    asked = rsgen.identify(noisy(few, NOISE, 1), LAW, mass=times * MASS)
+    found = only(asked, "fixed-contradicted")
     assert found["fitted"] == pytest.approx(MASS, rel=5e-3)
     assert said in next_step(found)
     assert asked.verdict.state == ("rejected" if times > 1.5 else "doubtful")
-    assert not codes(asked) & {"law-does-not-fit", "law-ambiguous", "parts-disagree", "not-converged"}
+    assert not codes(asked) & BLAMED
 
 
 @pytest.mark.parametrize("law", ["cubic", "coulomb", "piecewise"])
@@ -103,7 +95,6 @@ def test_a_mass_far_off_comes_first_whatever_a_fit_makes_of_it(law, times):
         assert in_order(asked)[0].code == "fixed-contradicted"
     (said,) = mode_findings(test, times * MASS)
     assert said["fitted"] == pytest.approx(MASS, rel=0.02)
-    assert "units and factors of force and response" in next_step(said)
     assert f"the given mass is {times:.2g}" in next_step(said)
     assert not mode_findings(test, 1.5 * MASS)
 
@@ -113,9 +104,8 @@ def test_next_to_a_background_no_unit_of_the_mass_is_blamed():
     test = surface("cubic", frequencies=np.linspace(11, 20, 40))
     seen = beside(test, -0.1 * test.force / (2 * np.pi * 10 * 3.8))
     assert mode_findings(noisy(seen, NOISE, 1), MASS)
-    asked = rsgen.identify(
-        noisy(seen, NOISE, 1), LAWS["cubic"][0], rsgen.Observation(background="constant"), mass=MASS
-    )
+    background = rsgen.Observation(background="constant")
+    asked = rsgen.identify(noisy(seen, NOISE, 1), LAW, background, mass=MASS)
     assert "fixed-contradicted" not in codes(asked)
 
 
@@ -128,41 +118,29 @@ def test_exchanged_channels_are_named(order, columns, monkeypatch):
     pushed, moved = test.harmonics[:, 1] * rate, test.force
     if columns == "amplitudes":
         pushed, moved = np.abs(pushed), np.abs(moved) * np.exp(1j * np.angle(pushed / moved))
-    read = rsgen.ResponseSurface(test.level, test.frequency, pushed, moved / rate)
+    read = fundamentals(test, moved / rate, pushed)
     (said,) = mode_findings(read, MASS)
     assert said.names["is"] == "exchanged"
-    assert "the two channels are exchanged" in str(said)
     assert next_step(said).startswith("Exchange the columns of force and response")
     assert not mode_findings(test, MASS)
     if (order, columns) == (0, "complex"):
-        found = rsgen.identify(read, LAWS["cubic"][0])
+        found = rsgen.identify(read, LAW)
         assert in_order(found.verdict.decided_by)[0].names.get("is") == "exchanged"
-        # a curve that rises at the end of the band and has no peak ended the run
+        # a curve that rises at the end of the band and has no peak
         monkeypatch.setattr(AmplitudeBalance, "peak", lambda *_: (np.zeros(0), np.zeros(0)))
-        assert "prediction-extrapolated" in {one.code for one in rsgen.predict(found).findings}
-
-
-def test_on_a_driven_base_no_mass_is_to_be_weighed():
-    said = fixed_contradicted("m", 2.0, 0.8, misfit=0.2, left=0.1, times=9.0)
-    assert "weigh a mass, but of a driven base" in next_step(said)
+        assert "prediction-extrapolated" in codes(rsgen.predict(found))
 
 
 def test_the_sign_of_a_channel_is_named_and_no_negative_mass_in_place_of_a_given_one():
     test = noisy(surface("cubic"), NOISE, 1)
     shaken = replace(test, force=-test.force / MASS, base="acceleration", per_mass=True)
     for mass in (None, MASS):
-        asked = rsgen.identify(shaken, LAWS["cubic"][0], mass=mass)
-        (said,) = (finding for finding in asked.findings if finding.code == "base-misread")
-        assert "the base, with the other sign" in str(said)
+        asked = rsgen.identify(shaken, LAW, mass=mass)
+        assert only(asked, "base-misread").names["is"] == "sign"
         assert not codes(asked) & {"fixed-contradicted", "mass-negative"}
-    oscillator = rsgen.Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": -2e5, "c": 4.0})
-    plan = rsgen.SimulatedTest([2, 5, 10], np.linspace(8, 12, 40), noise_relative=NOISE)
-    test = rsgen.simulate(oscillator, plan)
-    turned = rsgen.ResponseSurface(test.level, test.frequency, -test.force, test.harmonics[:, 1])
-    asked = rsgen.identify(turned, oscillator.elements, mass=1.5)
-    (said,) = (finding for finding in asked.findings if finding.code == "mass-negative")
-    assert said["mass"] == pytest.approx(-1.5, rel=5e-3)
-    assert not codes(asked) & {"fixed-contradicted", "law-does-not-fit", "parts-disagree", "not-converged"}
+    asked = rsgen.identify(fundamentals(test, force=-test.force), LAW, mass=MASS)
+    assert only(asked, "mass-negative")["mass"] == pytest.approx(-MASS, rel=5e-3)
+    assert not codes(asked) & {"fixed-contradicted", *BLAMED}
 
 
 @pytest.mark.parametrize(("fixed", "fault"), [
@@ -174,25 +152,23 @@ def test_the_sign_of_a_channel_is_named_and_no_negative_mass_in_place_of_a_given
 ])  # fmt: skip
 def test_what_cannot_be_fixed_is_refused(fixed, fault):
     with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
-        rsgen.identify(surface("cubic"), LAWS["cubic"][0], fixed=fixed)
-
-
-def case(tmp_path, fixed):
-    changes = case_law("k*x + kn*x**3", "c*v", k=5920, kn=-2.2e5, c=3.8)
-    changes |= {"identify.fixed": Literal(f"{{ {fixed} }}")}
-    return rsgen.load_case(write_small(tmp_path, "fixed", changes))
+        rsgen.identify(surface("cubic"), LAW, fixed=fixed)
 
 
 def test_a_case_fixes_values_and_refuses_those_that_cannot_be(tmp_path):
-    loaded = case(tmp_path, 'k = "5.92 kN/m", m = 1.5')
-    assert dict(loaded.model.fixed) == {"k": 5920.0, "m": 1.5}
+    def case(fixed):
+        changes = case_law("k*x + kn*x**3", "c*v", k=5920, kn=-2.2e5, c=3.8)
+        changes |= {"identify.fixed": Literal(f"{{ {fixed} }}")}
+        return rsgen.load_case(write_small(tmp_path, "fixed", changes))
+
+    assert dict(case('k = "5.92 kN/m", m = 1.5').model.fixed) == {"k": 5920.0, "m": 1.5}
     for fixed, fault in (
         ('b = "3 mm"', "identify.fixed.b: is no parameter of the elements; known: c, k, kn, m"),
         ('k = "3 mm"', "identify.fixed.k: "),
         ("m = -1", "identify.mass: is -1 kg"),
     ):
         with pytest.raises(CaseError, match=re.escape(fault)):
-            case(tmp_path, fixed)
+            case(fixed)
 
 
 def test_columns_of_fixed_parameters_move_nothing():
@@ -226,26 +202,22 @@ def test_a_law_with_numbers_is_the_law():
 
 
 def test_a_value_that_was_fixed_at_zero_is_no_factor_of_another():
-    found = fixed_contradicted("c2", 0.0, 5.0, misfit=0.05, left=0.01, times=9.0)
-    assert found.names == {}
-    assert fixed_contradicted("m", 2.0, -1.0, misfit=0.05, left=0.01, times=9.0).names == {
-        "near": "peak-to-peak"
-    }
+    how = {"misfit": 0.05, "left": 0.01, "times": 9.0}
+    assert fixed_contradicted("c2", 0.0, 5.0, **how).names == {}
+    assert fixed_contradicted("m", 2.0, -1.0, **how).names == {"near": "peak-to-peak"}
 
 
-@pytest.mark.parametrize(
-    ("law", "place", "noise"), [("cubic", 0, 1e-3), ("cubic", 2, 1e-3), ("coulomb", 0, 1e-2)]
-)
+@pytest.mark.parametrize(("law", "place", "noise"), [
+    ("cubic", 0, 1e-3), ("cubic", 2, 1e-3), ("coulomb", 0, 1e-2),
+])  # fmt: skip
 def test_a_level_whose_channel_has_another_gain_is_named(law, place, noise):
-    """All levels were said to have other factors, or the given mass to be wrong; next to noise, none."""
     test = surface(law)
     level = float(test.levels[place])
     response = noisy(test, noise, 1).harmonics[:, 1] * np.where(test.level == level, 1.05, 1)
     for mass in (MASS, None):
-        read = rsgen.ResponseSurface(test.level, test.frequency, test.force, response)
-        found = rsgen.identify(read, LAWS[law][0], **({"mass": mass} if mass else {}))
+        found = rsgen.identify(fundamentals(test, response), LAWS[law][0], mass=mass)
         assert "fixed-contradicted" not in codes(found)
-        (said,) = (one for one in found.findings if one.code == "law-does-not-fit")
+        said = only(found, "law-does-not-fit")
         assert said["level"] == level
         assert said["gain"] == pytest.approx(1 / 1.05, rel=3e-3 + 2 * noise)
 
@@ -253,10 +225,8 @@ def test_a_level_whose_channel_has_another_gain_is_named(law, place, noise):
 def test_of_levels_with_several_gains_the_one_that_is_farthest_off_is_named():
     test = surface("coulomb")
     by = np.where(test.level == test.levels[0], 1.05, np.where(test.level == test.levels[2], 0.97, 1))
-    read = rsgen.ResponseSurface(test.level, test.frequency, test.force, test.harmonics[:, 1] * by)
-    (said,) = (
-        one for one in rsgen.identify(read, LAWS["coulomb"][0]).findings if one.code == "law-does-not-fit"
-    )
+    found = rsgen.identify(fundamentals(test, test.harmonics[:, 1] * by), LAWS["coulomb"][0])
+    said = only(found, "law-does-not-fit")
     assert (said["level"], "gain" in said.numbers) == (test.levels[0], False)
     assert said["factor"] == pytest.approx(1 / 1.05, rel=0.02)
 
@@ -270,16 +240,14 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
     low, high = (float(test.levels[place]) for place in pair)
     swapped = np.where(test.level == low, high, np.where(test.level == high, low, test.level))
     by = swapped / test.level
-    read = rsgen.ResponseSurface(swapped, test.frequency, by * test.force, by * test.harmonics[:, 1])
+    read = fundamentals(test, by * test.harmonics[:, 1], by * test.force, level=swapped)
     (said,) = mode_findings(read, MASS, (), False)
     # without a law, or where one fits as they were read, so small a misfit accuses no levels
     assert not mode_findings(read, MASS)
     assert not mode_findings(read, MASS, (), True)
     assert (said.code, said["low"], said["high"]) == ("levels-swapped", low, high)
-    assert f"of the levels {low:g} N and {high:g} N exchanged" in str(said)
     assert not mode_findings(test, MASS)
-    found = rsgen.identify(read, LAWS["cubic"][0])
-    stated = state_verdict(found.verdict)
+    stated = state_verdict(rsgen.identify(read, LAW).verdict)
     # the cause comes first, and what follows from it has neither a sentence nor a step of its own
     assert len(stated["sentences"]) > 1
     assert reasons_of(stated)[0] == stated["sentences"][0]
@@ -291,35 +259,30 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
 
 
 def test_two_levels_alone_accuse_each_other_of_nothing_that_curves_may_leave():
-    """Without a law two sound levels next to a gap were called swapped, which made a right law doubtful."""
     test = surface("piecewise")
     test = test.select(np.isin(test.level, test.levels[[0, 2, 4, 5]]))
     test = replace(test, harmonics=noisy(test, NOISE / 10, 1).harmonics)
     first, second = test.levels[:2]
     by = np.where(test.level == first, second / first, np.where(test.level == second, first / second, 1.0))
-    level = test.level * by
-    read = rsgen.ResponseSurface(level, test.frequency, by * test.force, by * test.harmonics[:, 1])
+    read = fundamentals(test, by * test.harmonics[:, 1], by * test.force, level=test.level * by)
     (said,) = mode_findings(read, MASS)
     assert said.code == "levels-swapped"
     assert said["misfit"] > 0.03
-    pair = read.select(level <= second)
+    pair = read.select(read.level <= second)
     assert not mode_findings(pair, MASS)
     negative = Finding("mass-negative", "error", "m")
     assert [one.code for one in mode_findings(read, MASS, [negative], False)] == ["levels-swapped"]
 
 
 TWO_SIDES = "Piecewise((k1*x, x > 0), (k2*x, True)) + c1*v + c2*v*abs(v)"
+SIDES = {"k1": 9800.0, "k2": 7000.0, "c1": 1.4, "c2": 9.0}
 
 
 @functools.cache
 def two_sides() -> rsgen.ResponseSurface:
     """Fundamentals of a spring that is softer to one side, whose stiffnesses a mass moves much."""
-    truth = rsgen.Oscillator(0.5, TWO_SIDES, {"k1": 9800.0, "k2": 7000.0, "c1": 1.4, "c2": 9.0})
-    plan = rsgen.SimulatedTest([0.5, 1, 2, 4], np.linspace(15, 26, 56), noise_relative=2.5e-3, seed=1)
-    whole = rsgen.simulate(truth, plan)
-    harmonics = np.full(whole.harmonics.shape, np.nan, dtype=complex)
-    harmonics[:, 1] = whole.harmonics[:, 1]
-    return replace(whole, harmonics=harmonics, peak=np.full(whole.peak.shape, np.nan))
+    how = {"noise_relative": 2.5e-3, "seed": 1}
+    return fundamentals(simulated(TWO_SIDES, SIDES, [0.5, 1, 2, 4], (15, 26, 56), 0.5, **how))
 
 
 def test_what_a_given_mass_moves_is_that_of_the_fit():
@@ -332,7 +295,7 @@ def test_what_a_given_mass_moves_is_that_of_the_fit():
     # of this law both rms read as peak moves the quadratic damper alone
     assert "read as peak, c2 is 1.41 times too large (or the reverse)" in common
     assert mass_lines(asked, rms=True) == [line]
-    cubic = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAWS["cubic"][0], mass=MASS)
+    cubic = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAW, mass=MASS)
     line, common = mass_lines(cubic)
     assert line.endswith("1 % of m moves the linear stiffness by about 1 %")
     assert "read as peak, kn is 2 times too large (or the reverse)" in common
@@ -341,23 +304,19 @@ def test_what_a_given_mass_moves_is_that_of_the_fit():
 @pytest.mark.parametrize("mass", [0.4975, 0.504])
 def test_a_mass_that_is_hardly_wrong_is_doubted_where_it_moves_a_value_by_much(mass):
     asked = rsgen.identify(two_sides(), TWO_SIDES, mass=mass)
-    (said,) = (finding for finding in asked.verdict.decided_by)
+    (said,) = asked.verdict.decided_by
     assert (said.code, said.parameter) == ("fixed-contradicted", "m")
     assert said["fitted"] == pytest.approx(0.5, rel=2e-3)
-    assert "standard errors; it moves k" in str(said)
 
 
 def test_a_mass_with_an_error_is_one_more_equation():
-    """A mass weighed to 1 % was exact: of a bilinear spring it moved k1 and k2 out of their intervals."""
     asked = rsgen.identify(two_sides(), TWO_SIDES, mass=0.505, mass_error=0.005)
     assert asked.verdict.state == "identified"
-    values = {"k1": 9800.0, "k2": 7000.0, "c1": 1.4, "c2": 9.0, "m": 0.5}
-    assert all(asked[name].interval[0] < true < asked[name].interval[1] for name, true in values.items())
+    for name, true in (SIDES | {"m": 0.5}).items():
+        assert asked[name].interval[0] < true < asked[name].interval[1]
     assert asked["m"].standard_error < 0.005
-    assert mass_lines(asked)[0].startswith(
-        "m, given as 0.505 ± 0.005 kg (standard error), is with the test 0.499"
-    )
-    # a wrong law moves a mass by many of its errors, and widens what it has: that was "not checked"
+    assert mass_lines(asked)[0].startswith("m, given as 0.505 ± 0.005 kg (standard error), is with the test")
+    # a wrong law moves a mass by many of its errors, and widens what it has
     off = {"value": 0.525, "standard_error": 0.006}
     moved = tuple(replace(one, **off) if one.name == "m" else one for one in asked)
     assert "0.525 ± 0.006 kg, 4 times that error off" in mass_lines(replace(asked, refined=moved))[0]
@@ -369,14 +328,14 @@ def test_a_mass_with_an_error_is_one_more_equation():
 
 
 def test_a_mass_with_an_error_is_between_one_that_is_exact_and_one_that_is_not_known():
-    test, law = noisy(surface("cubic"), NOISE, 1), LAWS["cubic"][0]
+    test = noisy(surface("cubic"), NOISE, 1)
     for error, known in ((1e-6, 1.001 * MASS), (1e3, None)):
-        asked = rsgen.identify(test, law, mass=1.001 * MASS, mass_error=error)
-        for one in rsgen.identify(test, law, mass=known):
+        asked = rsgen.identify(test, LAW, mass=1.001 * MASS, mass_error=error)
+        for one in rsgen.identify(test, LAW, mass=known):
             assert asked[one.name].value == pytest.approx(one.value, rel=1e-6)
             assert asked[one.name].standard_error == pytest.approx(one.standard_error, rel=5e-3)
-    told = rsgen.identify(test, law)["m"]
-    found = rsgen.identify(test, law, mass=1.001 * MASS, mass_error=told.standard_error)
+    told = rsgen.identify(test, LAW)["m"]
+    found = rsgen.identify(test, LAW, mass=1.001 * MASS, mass_error=told.standard_error)
     asked = found["m"]
     assert rsgen.profile(found, "m").interval == pytest.approx(asked.interval, rel=1e-4)
     assert asked.value == pytest.approx((told.value + 1.001 * MASS) / 2, abs=0.1 * told.standard_error)
@@ -387,21 +346,21 @@ def test_a_mass_with_an_error_is_between_one_that_is_exact_and_one_that_is_not_k
 def test_a_mass_many_of_its_errors_off_is_contradicted(noise):
     test = noisy(surface("cubic"), noise, 1) if noise else surface("cubic")
     for off, said in ((2, []), (6, ["fixed-contradicted"])):
-        asked = rsgen.identify(test, LAWS["cubic"][0], mass=MASS + 0.01 * off, mass_error=0.01)
+        asked = rsgen.identify(test, LAW, mass=MASS + 0.01 * off, mass_error=0.01)
         assert [one.code for one in asked.verdict.decided_by] == said
         assert asked["m"].value == pytest.approx(MASS, rel=2e-3)
     (found,) = asked.verdict.decided_by
     assert found["fitted"] == pytest.approx(MASS, rel=2e-3)
     assert "± 10 g (" in str(found)
     # an error that is much smaller than one per cent, which no engineer weighs by, is taken at its word
-    told = rsgen.identify(test, LAWS["cubic"][0], mass=0.995 * MASS, mass_error=5e-4 * MASS)
+    told = rsgen.identify(test, LAW, mass=0.995 * MASS, mass_error=5e-4 * MASS)
     assert [one.code for one in told.verdict.decided_by] == ["fixed-contradicted"]
 
 
 def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
     test, given = noisy(surface("cubic"), NOISE, 1), {"mass": MASS, "mass_error": 0.02 * MASS}
     shaken = replace(test, force=test.force / MASS, base="acceleration", per_mass=True)
-    exact, asked = (rsgen.identify(shaken, LAWS["cubic"][0], **one) for one in ({"mass": MASS}, given))
+    exact, asked = (rsgen.identify(shaken, LAW, **one) for one in ({"mass": MASS}, given))
     for one in (*exact, *exact.fixed):
         both = np.hypot(one.standard_error, 0.02 * abs(one.value))
         assert (asked[one.name].value, asked[one.name].standard_error) == pytest.approx((one.value, both))
@@ -424,11 +383,10 @@ def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
 ])  # fmt: skip
 def test_an_error_of_a_mass_that_cannot_be_is_refused(given, fault):
     with pytest.raises(rsgen.RsgenError, match=re.escape(fault)):
-        rsgen.identify(surface("cubic"), LAWS["cubic"][0], **given)
+        rsgen.identify(surface("cubic"), LAW, **given)
 
 
 def test_an_error_may_be_given_of_the_mass_that_a_model_has():
-    """It was refused: "no mass is given"."""
     told = join_model(Model(as_elements(TWO_SIDES), 0.5), mass_error=0.01)
     assert told.weighed == (0.5, 0.01)
 

@@ -7,24 +7,22 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen import Oscillator, ResponseSurface, SimulatedTest, identify, simulate
+from rsgen import ResponseSurface, identify
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.profile import _Likelihood, profile, with_profiles
 from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.results.result import EquivalentCurve
 from rsgen.report.page_tables import estimate_table
 from tests.surfaces import codes
+from tests.virtual import fundamentals, simulated
 
 CUBIC, VALUES = "k*x + c*v + k3*x**3", {"k": 6000.0, "c": 4.0, "k3": 2e5}
 GAP, STOP = "k*x + c*v + kg*(Max(x - b, 0) + Min(x + b, 0))", {"k": 6000.0, "c": 4.0, "kg": 6000.0, "b": 3e-3}
 
 
 def gauged(law: str, values: dict[str, float], level: list[float], seed: int) -> ResponseSurface:
-    test = SimulatedTest(
-        level=level, frequency=np.linspace(9.85, 10.35, 10), noise_relative=0.01, seed=seed,
-        method="harmonic-balance",
-    )  # fmt: skip
-    return simulate(Oscillator(1.5, law, values), test)
+    how = {"noise_relative": 0.01, "seed": seed, "method": "harmonic-balance"}
+    return simulated(law, values, level, (9.85, 10.35, 10), **how)
 
 
 def touched(seed: int) -> ResponseSurface:
@@ -58,7 +56,7 @@ def test_it_is_walds_where_the_balance_loses_points_at_once(monkeypatch):
 def test_the_deviance_is_that_of_an_identification_with_the_value_fixed():
     surface = gauged(CUBIC, VALUES, [1.0, 2.0, 4.0, 8.0], 2)
     # with the fundamental alone no weight depends on the solution
-    surface = ResponseSurface(surface.level, surface.frequency, surface.force, surface.harmonics[:, 1])
+    surface = fundamentals(surface)
     found = identify(surface, CUBIC)
     one = profile(found, "k3")
     regression = found.fit.regression
@@ -101,24 +99,17 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
     assert found["b"].identifiable
 
 
-@pytest.mark.parametrize(
-    ("shape", "name", "value", "side"),
-    [
-        ("v/vs", "vs", None, 0),
-        ("v/vs", "vs", 2e-2, 0),
-        ("a*v", "a", 50.0, 1),
-        pytest.param("a*v", "a", None, 1, marks=pytest.mark.thorough),
-    ],
-)
+@pytest.mark.parametrize(("shape", "name", "value", "side"), [
+    ("v/vs", "vs", None, 0), ("v/vs", "vs", 2e-2, 0), ("a*v", "a", 50.0, 1),
+    pytest.param("a*v", "a", None, 1, marks=pytest.mark.thorough),
+])  # fmt: skip
 def test_a_friction_too_sharp_for_the_test_is_bounded_and_not_identified(shape, name, value, side):
     # a period of 64 samples does not resolve a steep tanh, and the balance is no data on how steep it is
     law = f"k*x + c*v + Ff*tanh({shape})"
     true, known = ("k*x + c*v + Ff*sign(v)", {}) if value is None else (law, {name: value})
-    system = Oscillator(0.8, true, {"k": 1.2e4, "c": 1.5, "Ff": 0.25, **known})
-    test = SimulatedTest(
-        level=[0.8, 1.5, 3.0, 4.5], frequency=np.linspace(15, 24, 46), noise_relative=0.005, seed=2
-    )
-    estimate = identify(simulate(system, test), law)[name]
+    values = {"k": 1.2e4, "c": 1.5, "Ff": 0.25, **known}
+    test = simulated(true, values, PLATE, (15, 24, 46), 0.8, noise_relative=0.005, seed=2)
+    estimate = identify(test, law)[name]
     if value is None:
         assert not estimate.identifiable
         assert estimate.interval[side] == (-np.inf, np.inf)[side]
@@ -128,29 +119,29 @@ def test_a_friction_too_sharp_for_the_test_is_bounded_and_not_identified(shape, 
         assert estimate.interval[0] < value < estimate.interval[1]
 
 
-_STRIBECK = "c*v + k*x + (Fc + Fd*exp(-{}))*sign(v) + k3*x**3"
+@pytest.fixture
+def not_simulated(monkeypatch):
+    """The simulator, which takes minutes, is not to be begun."""
 
-
-@pytest.mark.parametrize(
-    ("mass", "values", "level", "band", "seed", "shape"),
-    [
-        # the simulator took minutes of motions for a bend of friction that no point shows
-        (0.8, (1.2e4, 6e5, 1.5, 0.25), [0.8, 1.5, 3.0, 4.5], (15, 24, 50), 3, "v**2/vs**2"),
-        # by the balance, which does not resolve it, its factor was stated as 1.6 N, 0.07 to 1150
-        (2.4, (8.5e4, -9e7, 6.0, 1.1), [3.0, 6.0, 10.0, 15.0], (26, 31.5, 52), 1, "abs(v)/vs"),
-    ],
-    ids=["plate", "softening"],
-)
-def test_values_that_noise_hides_are_not_determined_and_not_simulated(
-    monkeypatch, mass, values, level, band, seed, shape
-):
     def refused(*args: object, **options: object) -> None:
         raise AssertionError("simulated")
 
     monkeypatch.setattr(sys.modules["rsgen.identification.identify"], "fit_simulator", refused)
+
+
+PLATE = [0.8, 1.5, 3.0, 4.5]
+_STRIBECK = "c*v + k*x + (Fc + Fd*exp(-{}))*sign(v) + k3*x**3"
+
+
+@pytest.mark.usefixtures("not_simulated")
+@pytest.mark.parametrize(("mass", "values", "level", "band", "seed", "shape"), [
+    (0.8, (1.2e4, 6e5, 1.5, 0.25), PLATE, (15, 24, 50), 3, "v**2/vs**2"),
+    # the balance does not resolve it
+    (2.4, (8.5e4, -9e7, 6.0, 1.1), [3.0, 6.0, 10.0, 15.0], (26, 31.5, 52), 1, "abs(v)/vs"),
+], ids=["plate", "softening"])  # fmt: skip
+def test_values_that_noise_hides_are_not_determined_and_not_simulated(mass, values, level, band, seed, shape):
     named = dict(zip(("k", "k3", "c", "Ff"), values, strict=True))
-    plan = SimulatedTest(level=level, frequency=np.linspace(*band), noise_relative=5e-3, seed=seed)
-    test = simulate(Oscillator(mass, "k*x + k3*x**3 + c*v + Ff*sign(v)", named), plan)
+    test = simulated(f"{CUBIC} + Ff*sign(v)", named, level, band, mass, noise_relative=5e-3, seed=seed)
     found = identify(test, _STRIBECK.format(shape))
     for name in ("Fd", "vs"):
         assert found[name].finding.code == "not-distinct-from-zero"
@@ -163,11 +154,8 @@ def test_values_that_noise_hides_are_not_determined_and_not_simulated(
 def test_a_profile_follows_values_that_go_together():
     # with another Fs the stiffness of the slider, the spring and the motions near the resonance are others
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 4967.0, "c": 1.0925, "kt": 993.4, "Fs": 0.06644}
-    test = SimulatedTest(
-        level=np.linspace(0.2, 1, 6) * 0.0157, frequency=np.linspace(7.07, 12.43, 15), noise_relative=0.03,
-        seed=6104,
-    )  # fmt: skip
-    found = identify(simulate(Oscillator(1.323, law, values), test), law)
+    levels, how = np.linspace(0.2, 1, 6) * 0.0157, {"noise_relative": 0.03, "seed": 6104}
+    found = identify(simulated(law, values, levels, (7.07, 12.43, 15), 1.323, **how), law)
     assert {e.name for e in found if e.by_profile} == {"Fs", "k", "kt"}
     for estimate in found:
         if estimate.by_profile:
@@ -183,9 +171,8 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     """Errors by the slopes, and shifts by alternatives, are those of the least sum of squares."""
     descend = least_squares.descend
     monkeypatch.setattr(least_squares, "descend", lambda *given: (*descend(*given)[:3], False))
-    test = rs.SimulatedTest(level=[1.0, 4.0], frequency=np.linspace(8.5, 12, 20), noise_relative=1e-2)
     values = {"k": 5920.0, "c": 2.0, "k3": 2e6}
-    found = rs.identify(rs.simulate(rs.Oscillator(1.5, "k*x + c*v + k3*x**3", values), test), "k*x + c*v")
+    found = identify(simulated(CUBIC, values, [1.0, 4.0], (8.5, 12, 20), noise_relative=1e-2), "k*x + c*v")
     assert "not-converged" in codes(found)
     assert found.outcome["identified"] == 0
     for estimate in found:
@@ -200,12 +187,8 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     assert not any("±" in row[5].note for row in estimate_table(found).rows)
 
 
-def test_what_a_law_misses_is_no_likelihood(monkeypatch):
-    # profiled and simulated, a slider fitted to more than a slider took minutes
-    def refused(*args: object, **options: object) -> None:
-        raise AssertionError("simulated")
-
-    monkeypatch.setattr(sys.modules["rsgen.identification.identify"], "fit_simulator", refused)
+@pytest.mark.usefixtures("not_simulated")
+def test_what_a_law_misses_is_no_likelihood():
     values = {"k": 6000.0, "c": 4.0, "kt": 1500.0, "Fs": 0.8, "Ff": 0.2}
     surface = gauged("k*x + c*v + masing(Min(kt*x, Fs)) + Ff*sign(v)", values, [1.0, 2.0, 4.0, 8.0], 1)
     found = identify(surface, "k*x + c*v + masing(Min(kt*x, Fs))", mass=1.8)
@@ -265,11 +248,7 @@ def test_points_count_by_the_force_that_held_them():
     size, k, c = np.tile(np.linspace(1e-3, 0.02, 200), 2), np.array([6000.0, 6300.0]), 4.0
     omega = np.sqrt(k[0] / M) * np.array([1.0, 1.02])
     weight = 1 / np.hypot(k - M * omega**2, omega * c) ** 2
-    stiffness, frequency, used = (
-        np.repeat(k, 200),
-        np.repeat(omega, 200) / 2 / np.pi,
-        np.ones(400, dtype=bool),
-    )
+    stiffness, frequency, used = np.repeat(k, 200), np.repeat(omega, 200) / 2 / np.pi, np.full(400, True)
     found = invert_curve(EquivalentCurve(size, frequency, size, stiffness, np.full(400, c), used), M)
     mean = float(np.sum(k * weight) / np.sum(weight))
     assert found.stiffness_force == pytest.approx(mean * found.displacement, rel=1e-6)
