@@ -19,30 +19,27 @@ from rsgen.data.surface.plausibility import (
 )
 from rsgen.data.surface.response_surface import ResponseSurface
 from tests.samples import cubic_surface
+from tests.virtual import fundamentals, only
 
-ORDINARY = Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02)
+LAW = "k1*x + kn1*x**3 + c1*v"
+RANDOM = np.random.default_rng(0)
 
 
-def changed(surface: ResponseSurface, response: np.ndarray, force: np.ndarray | None = None):
-    return ResponseSurface(
-        surface.level, surface.frequency, surface.force if force is None else force, response,
-        origin="measured",
-    )  # fmt: skip
+def said_of(surface: ResponseSurface) -> list[tuple[str, str]]:
+    return [(found.code, found.severity) for found in level_findings(surface)]
 
 
 def test_levels_in_another_order_than_forces_are_doubted_and_a_level_a_point_is_named():
-    surface, random = cubic_surface(), np.random.default_rng(0)
-    level = random.permutation(surface.level)
-    (found,) = level_findings(replace(surface, level=level))
-    assert (found.code, found.severity) == ("levels-disagree", "doubt")
-    assert list(level_findings(surface)) == []
-    level = surface.level * (1 + 1e-3 * random.normal(size=len(surface)))
-    (found,) = level_findings(ResponseSurface(level, surface.frequency, level, surface.harmonics[:, 1]))
-    assert (found.code, found.severity) == ("levels-disagree", "warning")
+    surface = cubic_surface()
+    assert said_of(surface) == []
+    assert said_of(replace(surface, level=RANDOM.permutation(surface.level))) == [
+        ("levels-disagree", "doubt")
+    ]
+    level = surface.level * (1 + 1e-3 * RANDOM.normal(size=len(surface)))
+    assert said_of(fundamentals(surface, force=level, level=level)) == [("levels-disagree", "warning")]
 
 
 def test_one_level_of_a_shaker_without_control_is_no_several_levels():
-    """Its force falls from point to point by more than levels differ, towards the resonance and back."""
     force = np.array([1.36, 0.89, 0.57, 0.34, 0.24, 0.19, 0.24, 0.35, 0.57, 0.9, 1.38])
     frequency, level = np.linspace(9.8, 10.3, 11), np.full(11, 1.4)
     assert list(level_findings(ResponseSurface(level, frequency, force, 1e-3j * force))) == []
@@ -63,10 +60,9 @@ def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
     surface = cubic_surface(levels=3, frequencies=31)
     response = surface.harmonics[:, 1].copy()
     response[surface.level == surface.levels[2]] = response[surface.level == surface.levels[1]]
-    copy = changed(surface, response)
     for held in ((), (surface.levels[2],)):
-        found = rsgen.identify(copy, "k1*x + kn1*x**3 + c1*v", rsgen.Observation(hold_out=held))
-        (repeated,) = [one for one in found.findings if one.code == "run-repeated"]
+        found = rsgen.identify(fundamentals(surface, response), LAW, rsgen.Observation(hold_out=held))
+        repeated = only(found, "run-repeated")
         assert set(repeated.names.values()) == {f"the level of {one:g} N" for one in surface.levels[1:]}
         assert not found.verdict.usable
 
@@ -74,7 +70,7 @@ def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
 @pytest.mark.parametrize("factor", [2.0, 1.9, 0.506, 0.5**0.5])
 def test_forces_of_one_proportion_to_all_levels_are_named(factor):
     surface = cubic_surface()
-    (found,) = level_findings(changed(surface, surface.harmonics[:, 1], factor * surface.force))
+    (found,) = level_findings(fundamentals(surface, force=factor * surface.force))
     assert (found.code, found.severity) == ("levels-in-other-unit", "warning")
     assert found["force"] == pytest.approx(12 * factor)
 
@@ -84,13 +80,10 @@ def test_forces_of_one_proportion_to_all_levels_are_named(factor):
 def test_forces_that_fall_at_the_resonance_or_are_near_their_levels_are_as_they_should_be(factor, lost):
     """Levels are also called by the force near the resonance, which is lower than most."""
     surface = cubic_surface()
-    share = surface.amplitude / np.array(
-        [surface.amplitude[surface.level == one].max() for one in surface.level]
-    )
-    force = factor * (1 - lost * share**2) * surface.force
+    most = np.array([surface.amplitude[surface.level == one].max() for one in surface.level])
+    force = factor * (1 - lost * (surface.amplitude / most) ** 2) * surface.force
     for level in (surface.level, factor * (1 - lost) * surface.level):
-        dropped = replace(changed(surface, surface.harmonics[:, 1], force), level=level)
-        assert list(level_findings(dropped)) == []
+        assert said_of(fundamentals(surface, force=force, level=level)) == []
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (0, -1), (1, -1)])
@@ -99,7 +92,7 @@ def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
     one, other = (surface.level == surface.levels[place] for place in pair)
     response = surface.harmonics[:, 1].copy()
     response[one], response[other] = surface.harmonics[other, 1], surface.harmonics[one, 1]
-    (found,) = level_findings(changed(surface, response))
+    (found,) = level_findings(fundamentals(surface, response))
     assert (found.code, found.severity) == ("levels-swapped", "doubt")
     assert [found["low"], found["high"]] == [surface.levels[place] for place in pair]
     assert found["pushed"] * found["moved"] == pytest.approx(1, rel=0.3)
@@ -113,25 +106,18 @@ def test_levels_in_another_order_than_their_measured_forces_are_named():
     assert (found.code, found.severity) == ("levels-swapped", "doubt")
     assert found["low_measured"] > found["high_measured"]
     # what reading said of it is not said again, and numbers of runs are in any order
-    assert list(level_findings(replace(turned, findings=(found,)))) == []
-    assert list(level_findings(replace(surface, level=np.array([3.0, 1.0, 4.0, 2.0])[place]))) == []
-
-
-def test_an_ordinary_test_has_nothing_to_remark():
-    assert list(size_findings(ORDINARY)) == []
-    assert list(quantity_findings(cubic_surface())) == []
+    assert said_of(replace(turned, findings=(found,))) == []
+    assert said_of(replace(surface, level=np.array([3.0, 1.0, 4.0, 2.0])[place])) == []
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e3, 1e6])
 def test_forces_in_another_unit_than_their_levels_are_doubted(factor):
     surface = cubic_surface()
-    wrong = changed(surface, surface.harmonics[:, 1], factor * surface.force)
-    (found,) = level_findings(wrong)
+    (found,) = level_findings(wrong := fundamentals(surface, force=factor * surface.force))
     assert found.severity == "doubt"
     assert found["force"] == pytest.approx(factor * found["level"])
     if factor == 1e-3:  # the other sizes are possible
-        identified = rsgen.identify(wrong, "k1*x + kn1*x**3 + c1*v")
-        assert identified.verdict.state == "doubtful"
+        assert rsgen.identify(wrong, LAW).verdict.state == "doubtful"
 
 
 def test_levels_that_are_numbers_of_runs_are_no_other_unit():
@@ -139,13 +125,13 @@ def test_levels_that_are_numbers_of_runs_are_no_other_unit():
     runs = np.searchsorted(surface.levels, surface.level) + 1.0
     one = surface.select(surface.level == surface.levels[0])
     for numbered in (surface, replace(surface, level=runs), replace(one, force=1e3 * one.force)):
-        assert list(level_findings(numbered)) == []
+        assert said_of(numbered) == []
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e6, (20 * np.pi) ** 2])
 def test_a_response_in_a_smaller_unit_is_impossible(factor):
     surface = cubic_surface()
-    (found,) = size_findings(Sizes.of(changed(surface, factor * surface.harmonics[:, 1])))
+    (found,) = size_findings(Sizes.of(fundamentals(surface, factor * surface.harmonics[:, 1])))
     assert found.severity == "doubt"
 
 
@@ -164,6 +150,7 @@ def test_each_quantity_has_its_bounds(sizes, quantity):
 
 
 @pytest.mark.parametrize("sizes", [
+    Sizes(10.0, 0.02, 1.3, 79.0, 12.0, mass=1.5, damping=0.02),
     Sizes(1e6, 1e-9, 6e-3, 4e4, 1e-9, mass=1e-11, damping=5e-5),  # a resonator on a chip
     Sizes(5e6, 1e-7, 3.0, 1e8, 1e-6, mass=1e-12, damping=5e-6),
     Sizes(1.6e3, 3e-6, 0.03, 340.0, 1.7e-11, mass=3e-11, damping=4e-4),  # a wire in vacuum
@@ -194,8 +181,9 @@ def test_a_response_of_another_quantity_is_recognised(tamper, found, noise):
     surface = cubic_surface(levels=4, frequencies=31)
     random = np.random.default_rng(2)
     scatter = 1 + noise * (random.normal(size=len(surface)) + 1j * random.normal(size=len(surface)))
-    noisy = changed(surface, surface.harmonics[:, 1] * scatter)
-    (finding,) = quantity_findings(changed(surface, tamper(noisy)))
+    noisy = fundamentals(surface, surface.harmonics[:, 1] * scatter)
+    assert list(quantity_findings(noisy)) == []
+    (finding,) = quantity_findings(fundamentals(surface, tamper(noisy)))
     assert (finding.severity, finding.names["is"], finding.names["sure"]) == ("doubt", found, "yes")
 
 
@@ -220,7 +208,6 @@ def test_points_at_phase_resonance_are_of_two_modes_beyond_a_gap_of_a_twentieth(
 
 @pytest.mark.parametrize("control", ["force", "response"])
 def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
-    """The law did not fit, and nothing else was said."""
     levels, frequency = np.array([1.0, 2.0, 4.0]), np.linspace(8, 12, 24)
     receptance = 1 / (6000 - 1.5 * (2 * np.pi * frequency) ** 2 + 8j * 2 * np.pi * frequency)
     force = np.outer(levels, np.ones(24)) if control == "force" else 1e-3 * np.outer(levels, 1 / receptance)
@@ -250,11 +237,9 @@ def test_arrays_of_a_grid_that_were_flattened_in_two_orders_are_named(control):
         assert row_findings(ResponseSurface(*steps, steps[0], stepped)) == []
     assert named(right[0], swapped[1], force, motion) == ["frequencies"]
     # three readings of each of 24 points of a level, at frequencies of its own, are no exchange
-    readings = right[0], np.repeat(np.linspace(8, 12, 24), 3)
-    level = np.repeat(np.arange(3), 24)
-    h = 1 / (6000 - 1.5 * (2 * np.pi * readings[1]) ** 2 + 8j * 2 * np.pi * readings[1])
-    push = levels[level] if control == "force" else 1e-3 * levels[level] / h
-    assert not named(*readings, push, push * h)
+    h = np.repeat(receptance, 3)
+    push = np.repeat(levels, 24) if control == "force" else 1e-3 * np.repeat(levels, 24) / h
+    assert not named(right[0], np.repeat(frequency, 3), push, push * h)
     surface = ResponseSurface(right[0], swapped[1], force.ravel(), motion.ravel(), control=control)
     for found in (rsgen.identify(surface, "k*x + c*v", mass=1.5), rsgen.modal_table(surface, mass=1.5)):
         assert "repeat and numpy.tile" in str(found)
@@ -268,7 +253,5 @@ def test_exchanged_channels_of_a_held_response_are_named():
     force = held * (6000 - 1.5e5 * held**2 - 1.5 * omega**2 + 4j * omega) * noise
     response = np.abs(force) * np.exp(-1j * np.angle(force))
     surface = ResponseSurface(held, frequency, held, response, control="response")
-    found = [
-        f for f in rsgen.identify(surface, "k*x + k3*x**3 + c*v").findings if f.code == "another-quantity"
-    ]
-    assert [f.names["is"] for f in found] == ["exchanged"]
+    found = rsgen.identify(surface, "k*x + k3*x**3 + c*v")
+    assert only(found, "another-quantity").names["is"] == "exchanged"
