@@ -16,6 +16,8 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, save_surface, without_copies
 from tests.samples import cubic_surface
+from tests.surfaces import noisy
+from tests.virtual import fundamentals, only
 
 
 def random_surface(seed: int, n: int, harmonics: int) -> ResponseSurface:
@@ -159,31 +161,23 @@ def linear_columns() -> dict[str, np.ndarray]:
 def test_four_columns_are_enough():
     columns = linear_columns()
     surface = ResponseSurface(*columns.values())
-    assert surface.origin == "measured"
-    assert surface.control == "force"
-    assert surface.settled.all()
-    assert surface.stable.all()
-    assert surface.findings == ()
-    assert set(surface.sweep) == {"up"}
-    assert np.isnan(surface.peak).all()
-    assert np.isnan(surface.error).all()
+    assert (surface.origin, surface.control, surface.findings) == ("measured", "force", ())
+    assert (surface.settled & surface.stable & (surface.sweep == "up")).all()
+    assert np.isnan([*surface.peak.flat, *surface.error]).all()
     np.testing.assert_array_equal(surface.harmonics[:, 1], columns["response"])
     np.testing.assert_array_equal(surface.harmonics[:, 0], 0)
-    by_name = ResponseSurface(
-        harmonics=surface.harmonics, **{k: v for k, v in columns.items() if k != "response"}
-    )
-    assert_same(by_name, surface)
-    assert_same(ResponseSurface(*(column.tolist() for column in columns.values())), surface)
+    columns.pop("response")
+    assert_same(ResponseSurface(harmonics=surface.harmonics, **columns), surface)
+    assert_same(ResponseSurface(*(column.tolist() for column in linear_columns().values())), surface)
 
 
 def test_masked_values_are_not_measured():
     columns = linear_columns()
     masked = np.arange(40) % 10 == 3
-    whole = ResponseSurface(*columns.values())
     columns["response"] = np.ma.masked_array(np.where(masked, 1.0, columns["response"]), masked)
     surface = ResponseSurface(*columns.values())
     assert np.flatnonzero(~surface.settled).tolist() == [3, 13, 23, 33]
-    np.testing.assert_array_equal(surface.harmonics[~masked], whole.harmonics[~masked])
+    np.testing.assert_array_equal(surface.harmonics[~masked, 1], columns["response"][~masked].data)
     assert [(f.code, f["rows"], f["all"]) for f in surface.findings] == [("rows-left-out", 4, 40)]
 
 
@@ -193,11 +187,10 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
     columns["force"][5] = np.inf
     surface = ResponseSurface(*columns.values())
     assert np.flatnonzero(~surface.settled).tolist() == [3, 5, 7]
-    (found,) = surface.findings
-    assert (found.code, found["rows"], found["all"]) == ("rows-left-out", 3, 40)
+    assert [(f.code, f["rows"], f["all"]) for f in surface.findings] == [("rows-left-out", 3, 40)]
     assert "3 not settled" in repr(surface)
     # the finding is made once
-    assert replace(surface, level=surface.level).findings == (found,)
+    assert replace(surface, level=surface.level).findings == surface.findings
     columns["level"][2] = np.nan
     with pytest.raises(RsgenError, match="level: nan in row 2"):
         ResponseSurface(*columns.values())
@@ -239,24 +232,12 @@ def test_a_phase_that_was_not_recorded_is_nan_and_named():
     assert np.isnan(per_mass.units.kilogram)
 
 
-FREQUENCY = np.array([8.0, 9.0, 10.0])
-RESPONSE = np.array([1e-3, 2e-3 - 1e-3j, 1e-3j])
-
-
-def surface(**columns) -> ResponseSurface:
-    return ResponseSurface(
-        **{"level": 2.0, "frequency": FREQUENCY, "force": 2.0, "response": RESPONSE} | columns
-    )
-
-
 LAW = "k1*x + kn1*x**3 + c1*v"
 
 
 @pytest.mark.parametrize("copied", [np.arange(200), np.full(60, 17)], ids=["many rows", "one row often"])
 def test_copies_change_neither_values_nor_intervals(copied):
-    exact, random = cubic_surface(), np.random.default_rng(3)
-    noise = 1 + 0.01 * (random.standard_normal((2, len(exact))) * [[1], [1j]]).sum(axis=0)
-    surface = ResponseSurface(exact.level, exact.frequency, exact.force, noise * exact.harmonics[:, 1])
+    surface = fundamentals(noisy(cubic_surface(), 0.01, 3))
     rows = np.concatenate([np.arange(len(surface)), copied])
     assert without_copies(surface) is surface
     found, again = rs.identify(surface, LAW), rs.identify(surface.select(rows), LAW)
@@ -264,6 +245,7 @@ def test_copies_change_neither_values_nor_intervals(copied):
     for name in ("k1", "kn1", "c1", "m"):
         assert again[name].value == pytest.approx(found[name].value, rel=1e-9)
         assert again[name].interval == pytest.approx(found[name].interval, rel=1e-6)
-    (finding,) = [finding for finding in again.findings if finding.names.get("by") == "copies"]
+    finding = only(again, "rows-left-out")
+    assert finding.names["by"] == "copies"
     assert (finding["rows"], finding["all"]) == (len(copied), len(rows))
     assert finding in rs.modal_table(surface.select(rows)).findings
