@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from rsgen.data.oscillator import BACKGROUNDS
 from rsgen.dynamics.harmonic_balance import following_harmonics
@@ -80,13 +81,10 @@ def test_slopes_are_those_of_the_residuals(points, kind, phase, forward):
             if j >= 4 and not fitted[j - 4]:
                 assert not line.by_parameter[:, :, j].any()
                 continue
-            step = np.zeros(len(place))
-            step[j] = h * value
+            step = h * value * np.eye(len(place))[j]
             pair = at(place + step, nuisance), at(place - step, nuisance)
             close(line.by_parameter[:, :, j], *pair, step[j])
-        for k in range(nuisance.shape[1]):
-            move = np.zeros(nuisance.shape[1])
-            move[k] = h
+        for k, move in enumerate(h * np.eye(nuisance.shape[1])):
             close(line.by_nuisance[:, :, k], at(place, nuisance + move), at(place, nuisance - move), h)
 
 
@@ -95,10 +93,7 @@ def test_elimination_is_the_full_least_squares(points):
     line = at(place, nuisance)
     count, rows, k = line.by_nuisance.shape
     scale = np.abs(line.by_parameter).max(axis=(0, 1))
-    dense = np.zeros((count * rows, count * k + len(place)))
-    for i in range(count):
-        dense[i * rows : (i + 1) * rows, i * k : (i + 1) * k] = line.by_nuisance[i]
-    dense[:, count * k :] = (line.by_parameter / scale).reshape(count * rows, -1)
+    dense = np.hstack([block_diag(*line.by_nuisance), (line.by_parameter / scale).reshape(count * rows, -1)])
     whole = np.linalg.lstsq(dense, line.residual.ravel(), rcond=None)[0][count * k :]
     residual, matrix = eliminate(line)
     small = np.linalg.lstsq((matrix / scale).reshape(count * rows, -1), residual.ravel(), rcond=None)[0]
