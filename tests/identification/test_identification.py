@@ -6,24 +6,14 @@ from math import isnan
 import numpy as np
 import pytest
 
-from rsgen import Finding, ResponseSurface, SimulatedTest, identify, laws, make_element, sentence, simulate
+from rsgen import Finding, identify, laws, make_element, sentence
 from rsgen.data.free_mode import estimate_mass, steady
-from rsgen.data.oscillator import Model, Observation, Oscillator
+from rsgen.data.oscillator import Model, Observation
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.resonance import find_resonances
 from tests.pins.grids import joint_law, small_joint
-from tests.surfaces import (
-    LAWS,
-    changed,
-    codes,
-    distances,
-    errors,
-    identified,
-    model,
-    noisy,
-    surface,
-    truth,
-)  # fmt: skip
+from tests.surfaces import LAWS, changed, codes, distances, errors, identified, model, noisy, surface, truth
+from tests.virtual import simulated
 
 EXACT = 1e-6
 """Refined parameters from steady states of accuracy 1e-7: their error, amplified by the fit."""
@@ -37,17 +27,16 @@ def test_what_a_fit_leaves_of_each_point_has_all_harmonics():
     held_out = found.curve.level == 12.0
     assert np.array_equal(np.isnan(found.residuals), held_out)
     assert np.max(np.abs(found.residuals[~held_out])) < 1e-5
-    rough = identify(noisy(surface("cubic"), 0.01, 1), model("cubic"))
+    rough = identified("cubic", 0.01)
     # force and response have one noise each
     assert np.sqrt(np.mean(np.abs(rough.residuals[rough.curve.used]) ** 2)) == pytest.approx(0.014, rel=0.1)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
+@pytest.mark.parametrize("law", [
     # a search over the whole range takes as long as all other laws; pins hold both
-    "law",
-    [pytest.param(law, marks=pytest.mark.thorough) if law in ("power", "two-gaps") else law for law in LAWS],
-)
+    pytest.param(law, marks=[pytest.mark.thorough] if law in ("power", "two-gaps") else []) for law in LAWS
+])  # fmt: skip
 def test_every_parameter_comes_back_from_its_own_surface(law):
     found = identified(law)
     assert max(errors(found, truth(law)).values()) < (1e-4 if law in SEARCHED else EXACT)
@@ -67,44 +56,33 @@ def test_every_parameter_comes_back_from_its_own_surface(law):
         assert (paper["k6"] + paper["k7"]) / 2 == pytest.approx(exact, rel=0.02)
 
 
-def shuffled(table: ResponseSurface) -> ResponseSurface:
-    return table.select(np.random.default_rng(1).permutation(len(table)))
-
-
-def in_millinewtons(table: ResponseSurface) -> ResponseSurface:
-    return changed(table, force=1000 * table.force, level=1000 * table.level)
-
-
-def turned(table: ResponseSurface) -> ResponseSurface:
-    turn = np.exp(1j * np.random.default_rng(5).uniform(0, 6, len(table)))
-    harmonics = table.harmonics * turn[:, None] ** np.arange(table.harmonics.shape[1])
-    return changed(table, force=table.force * turn, harmonics=harmonics)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("law", "noise", "change", "factor", "same"), [
-    ("cubic", 0.01, shuffled, 1.0, 1e-6),
-    ("combined", 0.0, in_millinewtons, 1000.0, 1e-8),
-    ("bilinear", 0.0, turned, 1.0, 1e-7),
-])  # fmt: skip
-def test_order_unit_and_clock_do_not_matter(law, noise, change, factor, same):
-    table = noisy(surface(law), noise, 1) if noise else surface(law)
-    expected = {e.name: factor * e.value for e in identified(law, noise).refined}
-    assert max(errors(identify(change(table), model(law)), expected).values()) < same
+def test_order_unit_and_clock_do_not_matter():
+    rows = noisy(surface("cubic"), 0.01, 1)
+    shuffled = rows.select(np.random.default_rng(1).permutation(len(rows)))
+    exact = surface("combined")
+    in_millinewtons = changed(exact, force=1000 * exact.force, level=1000 * exact.level)
+    sides = surface("bilinear")
+    turn = np.exp(1j * np.random.default_rng(5).uniform(0, 6, len(sides)))
+    harmonics = sides.harmonics * turn[:, None] ** np.arange(sides.harmonics.shape[1])
+    turned = changed(sides, force=sides.force * turn, harmonics=harmonics)
+    for law, noise, table, factor, same in (
+        ("cubic", 0.01, shuffled, 1.0, 1e-6),
+        ("combined", 0.0, in_millinewtons, 1000.0, 1e-8),
+        ("bilinear", 0.0, turned, 1.0, 1e-7),
+    ):
+        expected = {e.name: factor * e.value for e in identified(law, noise).refined}
+        assert max(errors(identify(table, model(law)), expected).values()) < same
 
 
 def test_held_out_levels_are_not_seen():
     table = surface("cubic")
-    spoilt = changed(
-        table, harmonics=np.where(table.level[:, None] == 8.0, 7 * table.harmonics, table.harmonics)
-    )
+    spoilt = changed(table, harmonics=np.where(table.level == 8.0, 7, 1)[:, None] * table.harmonics)
     one, other = (identify(t, model("cubic", hold_out=(8.0,))) for t in (table, spoilt))
     assert [e.value for e in one.refined] == [e.value for e in other.refined]
-    assert 8.0 not in one.levels
-    # an observation that is given wins over the model's
     held = identify(table, model("cubic", hold_out=(8.0,)), Observation(hold_out=(4.0,)))
-    assert 8.0 in held.levels
-    assert 4.0 not in held.levels
+    assert not {8.0} & {*one.levels}
+    assert {8.0, 4.0} & {*held.levels} == {8.0}
 
 
 def test_outliers_gaps_and_unsettled_points_are_survived():
@@ -121,7 +99,6 @@ def test_outliers_gaps_and_unsettled_points_are_survived():
     excluded = {f.names.get("by"): f for f in found.findings if f.code == "points-excluded"}
     assert {None, "settling"} <= excluded.keys()
     assert excluded["settling"]["doubled"] == np.count_nonzero(table.outcome == 2)
-    assert "of them repeat after two periods" in sentence(excluded["settling"])
     lost = table.frequency[~table.settled & (table.level == table.levels[0])]
     named = f"{table.levels[0]:.4g} N at {len(lost)} frequencies from {lost.min():.5g} to {lost.max():.5g} Hz"
     assert excluded["settling"].names["where"].startswith(named)
@@ -146,29 +123,20 @@ def test_what_is_not_identifiable_is_no_number():
     assert max(errors(found, {name: truth("piecewise")[name] for name in ("k4", "c", "m")}).values()) < 1e-5
 
 
-def test_confounded_parameters_are_named():
-    both = Model((make_element("one", "k*x + kn*x**3 + c*v"), make_element("two", "ka*x")))
-    found = identify(surface("cubic"), both)
-    assert isnan(found["k"].value)
-    why = found["k"].finding
-    assert (why.code, why.severity, why.parameter) == ("confounded", "warning", "k")
-    assert why.names == {"with": "ka", "combination": "k + ka"}
-    assert why["combined"] == pytest.approx(truth("cubic")["k"], rel=1e-4)
-    assert why.numbers["combined"].unit == "N/m"
-    assert found["kn"].value == pytest.approx(-2.2e5, rel=1e-4)
-
-
 @pytest.mark.parametrize(("text", "said"), [
     ("ka*kr*x", "ka*kr"), ("ka/kr*x", "ka/kr"), ("(ka - kr)*x", "ka - kr"), ("ka*x + kr*x*3", "ka + 3*kr"),
 ])  # fmt: skip
 def test_of_confounded_parameters_the_combination_that_shows_has_an_interval(text, said):
-    table = noisy(surface("cubic"), 1e-3, 1)
-    known = identify(table, model("cubic"))["k"]
-    found = identify(table, Model((make_element("one", text + " + kn*x**3 + c*v"),)))
+    table, known = noisy(surface("cubic"), 1e-3, 1), identified("cubic", 1e-3)
+    found = identify(table, Model((make_element("one", text), make_element("two", "kn*x**3 + c*v"))))
+    assert isnan(found["ka"].value)
     why = found["ka"].finding
-    assert why.names["combination"] == said
-    assert why["combined"] == pytest.approx(known.value, rel=1e-5)
-    assert (why["low"], why["high"]) == pytest.approx(known.interval, rel=1e-3)
+    assert (why.code, why.severity, why.parameter) == ("confounded", "warning", "ka")
+    assert why.names == {"with": "kr", "combination": said}
+    assert why["combined"] == pytest.approx(known["k"].value, rel=1e-5)
+    assert why.numbers["combined"].unit == ("N/m" if said in ("ka - kr", "ka + 3*kr") else "")
+    assert (why["low"], why["high"]) == pytest.approx(known["k"].interval, rel=1e-3)
+    assert found["kn"].value == pytest.approx(known["kn"].value, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -214,28 +182,24 @@ INTERPOLATED = 1e-3
 def test_a_fit_that_the_simulator_does_not_take_up_ends_at_its_least_misfit(monkeypatch):
     # of many points the balance stops after a step where the simulator is to follow
     monkeypatch.setattr("rsgen.identification.identify._refit_with_simulator", lambda balanced: balanced)
-    rig = Oscillator(1.0, "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2e4, "k3": 2e7, "c": 4.0, "Ff": 0.2})
-    table = noisy(simulate(rig, SimulatedTest([2.0, 6.0], np.linspace(18, 28, 450))), 1e-3, 1)
-    found = identify(table, Model(rig.elements))
+    rig = "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2e4, "k3": 2e7, "c": 4.0, "Ff": 0.2}
+    found = identify(noisy(simulated(*rig, [2.0, 6.0], (18, 28, 450), 1.0), 1e-3, 1), rig[0])
     assert found.fit.regression.converged
     assert {estimate.name for estimate in found if estimate.identifiable} == {"m", "k", "k3", "c", "Ff"}
 
 
 def test_linear_structure_has_one_resonance_at_every_level():
     points = select_points(surface("cubic", values=LINEAR), model("cubic"))
-    found = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
-    assert found is not None
-    mass = found.mass
-    assert mass == pytest.approx(1.5, rel=1e-6)
-    assert found.mass_error < 1e-2
-    found, turning = find_resonances(points, mass)
+    estimated = estimate_mass(*steady(points.force, points.harmonics[:, 1], points.omega))
+    assert estimated.mass == pytest.approx(1.5, rel=1e-6)
+    assert estimated.mass_error < 1e-2
+    found, turning = find_resonances(points, estimated.mass)
     assert len(found) == 6
     for resonance in found:
         assert resonance.frequency == pytest.approx(np.sqrt(5920 / 1.5) / 2 / np.pi, rel=1e-5)
         assert resonance.damping == pytest.approx(3.8, rel=INTERPOLATED)
         assert resonance.damping_ratio == pytest.approx(3.8 / 2 / np.sqrt(5920 * 1.5), rel=INTERPOLATED)
         assert not resonance.jump
-    # a symmetric structure swings as far to either side
     assert turning[:, 0] == pytest.approx(-turning[:, 1], rel=1e-6)
 
 
@@ -248,11 +212,9 @@ def test_jumps_across_the_resonance_are_marked():
 
 @pytest.mark.parametrize("sweep", ["up", "down"])
 def test_the_point_at_which_a_sweep_lands_is_no_resonance(sweep):
-    """The first point after the jump of a sweep down was listed and drawn as the resonance of its level."""
-    law = "k*x + k3*x**3 + c*v"
-    oscillator = Oscillator(2.0, law, {"k": 2e4, "k3": 3e9, "c": 12.0})
-    plan = SimulatedTest([3.0], np.linspace(13, 24, 56), sweep=sweep, method="harmonic-balance")
-    (resonance,), _ = find_resonances(select_points(simulate(oscillator, plan), Model(law)), 2.0)
+    law, values = "k*x + k3*x**3 + c*v", {"k": 2e4, "k3": 3e9, "c": 12.0}
+    table = simulated(law, values, [3.0], (13, 24, 56), 2.0, sweep=sweep, method="harmonic-balance")
+    (resonance,), _ = find_resonances(select_points(table, Model(law)), 2.0)
     assert resonance.jump
     assert resonance.reached == (sweep == "up")
 
@@ -283,13 +245,12 @@ def test_more_harmonics_of_a_law_with_memory_are_more_than_those_of_its_corners(
 
 @pytest.mark.slow
 def test_parameters_that_ran_away_are_not_said_to_need_higher_levels_alone():
-    """A Jenkins element is an Iwan joint of chi without end; R and chi were to be seen at higher levels."""
-    jenkins, iwan = "k*x + c*v + masing(Min(kt*x, Fs))", f"k*x + c*v + {laws['iwan4'].force}"
-    joint = Oscillator(1.3, jenkins, {"k": 3e4, "c": 5.0, "kt": 1.4e4, "Fs": 2.0})
-    plan = SimulatedTest(
-        [1, 2, 4, 8], np.linspace(22, 34, 61), method="harmonic-balance", noise_relative=3e-3
+    """A Jenkins element is an Iwan joint of chi without end."""
+    jenkins = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 3e4, "c": 5.0, "kt": 1.4e4, "Fs": 2.0}
+    how = {"method": "harmonic-balance", "noise_relative": 3e-3}
+    found = identify(
+        simulated(*jenkins, [1, 2, 4, 8], (22, 34, 61), 1.3, **how), f"k*x + c*v + {laws['iwan4'].force}"
     )
-    found = identify(simulate(joint, plan), iwan)
     said = {one.name: one.finding for one in found if one.finding}
     assert {name: finding.code for name, finding in said.items()} == {"R": "no-effect", "chi": "no-effect"}
     assert said["chi"]["value"] > 1e3

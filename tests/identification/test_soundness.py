@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen import Observation, Oscillator, ResponseSurface, SimulatedTest, identify, simulate
+from rsgen import Observation, ResponseSurface, identify
 from rsgen.common.finding import Finding, Quantity
 from rsgen.formula.reading import parse
 from rsgen.identification.results import Estimate
@@ -13,6 +13,7 @@ from rsgen.identification.results.estimates import damping_findings
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from tests.surfaces import MASS, beside, changed, errors, model, noisy, surface
+from tests.virtual import fundamentals, only, simulated
 
 
 def findings(table: ResponseSurface, law: object = "cubic") -> dict[str, Finding]:
@@ -46,8 +47,7 @@ def test_a_negative_damping_per_unit_mass_has_the_unit_of_one(table):
 def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels):
     """At 1.06 times the friction a hundredth of the force moves the mass; at 1.24 it stops in every cycle."""
     law, values = "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 1.0, "Ff": 0.5}
-    test = SimulatedTest(level=levels, frequency=np.linspace(13, 19, 19), noise_relative=0.0)
-    found = identify(simulate(Oscillator(1.0, law, values), test), law)
+    found = identify(simulated(law, values, levels, (13, 19, 19), 1.0), law)
     assert found.verdict.state == "identified"
     assert "friction" in {finding.names.get("by") for finding in found.findings}
     assert max(errors(found, {**values, "m": 1.0}).values()) < 1e-4
@@ -67,75 +67,59 @@ def test_a_systematic_misfit_of_a_hundredth_decides_the_verdict(size, expected):
     gain = 1 + size * np.sin(2 * np.pi * exact.frequency)
     table = noisy(changed(exact, harmonics=exact.harmonics * gain[:, None]), 0.002, 1)
     found = identify(table, model("cubic"))
-    assert severity({finding.code: finding for finding in found.findings}, "law-does-not-fit") == expected
+    assert only(found, "law-does-not-fit").severity == expected
     assert (found.verdict.state == "identified") == (expected == "warning")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("drag", "term"), [(1.5, "tanh(v)"), (-0.2, "v*abs(v)")])
 def test_a_damper_that_feeds_energy_is_doubted(drag, term):
-    """A tanh of -5 N beside a damper of three times its size fitted drag, and was identified."""
     values = {"k": 5920.0, "kn": 0.0, "c": 2.0, "cn": drag}
     found = identify(noisy(surface("combined", values=values), 0.01, 1), f"k*x + c*v + A*{term}")
     assert found["A"].value < 0
-    (why,) = (finding for finding in found.verdict.decided_by if finding.code == "damping-feeds-energy")
-    assert why.parameter == "A"
+    why = only(found, "damping-feeds-energy")
+    assert (why.parameter, why in found.verdict.decided_by) == ("A", True)
 
 
-VAN_DER_POL = "k*x + c*(x**2/a**2 - 1)*v"
+VAN_DER_POL = "k*x + c*(x**2/a**2 - 1)*v", {"k": 5920.0, "c": 2.0, "a": 0.004}
 STRIBECK = "k*x + c*v + (Fc + (Fs - Fc)*exp(-abs(v)/w))*sign(v)"
+BEND = {"k": 5920.0, "c": 3.0, "Fc": 0.3, "Fs": 0.8, "w": 0.1}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("truth", "law", "values"), [
-    (VAN_DER_POL, "k*x - c*v + b*x**2*v", {"k": 5920.0, "c": 2.0, "a": 0.004}),
-    *(
-        pytest.param(law, law, values, marks=pytest.mark.thorough)
-        for law, values in (
-            (VAN_DER_POL, {"k": 5920.0, "c": 2.0, "a": 0.004}),
-            (STRIBECK, {"k": 5920.0, "c": 3.0, "Fc": 0.3, "Fs": 0.8, "w": 0.1}),
-        )
-    ),
+@pytest.mark.parametrize(("truth", "values", "law"), [
+    (*VAN_DER_POL, "k*x - c*v + b*x**2*v"),
+    pytest.param(*VAN_DER_POL, VAN_DER_POL[0], marks=pytest.mark.thorough),
+    pytest.param(STRIBECK, BEND, STRIBECK, marks=pytest.mark.thorough),
 ])  # fmt: skip
-def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(truth, law, values):
+def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(truth, values, law):
     """Motions below twice the displacement of zero damping live on the damper of van der Pol."""
-    test = SimulatedTest(
-        level=np.array([4.0, 7.0, 10.0]), frequency=np.linspace(8, 12, 40), harmonics=5, accuracy=1e-7
-    )
-    measured = noisy(simulate(Oscillator(MASS, truth, values), test), 0.003, 1)
-    found = identify(measured, law)
+    test = simulated(truth, values, [4.0, 7.0, 10.0], (8, 12, 40), harmonics=5, accuracy=1e-7)
+    found = identify(noisy(test, 0.003, 1), law)
     assert found.verdict.state == "identified"
     for name in ({*values} & {e.name for e in found}) - {"Fc", "w"}:
         assert found[name].value == pytest.approx(values[name], rel=0.03)
 
 
-def test_a_term_of_a_series_between_others_bends_its_curve():
+SERIES = "d1*v + d2*v*abs(v) + d3*v**3 + d4*v**3*abs(v) + t*tanh(v)"
+UNDERFLOWS = "c*v + Fd*exp(-(v/vs)**2)*sign(v)"
+
+
+@pytest.mark.parametrize(("text", "changes", "feeding"), [
+    (SERIES, {"d3": -4.3747e6}, []), (SERIES, {"d4": -4.3747e6}, ["d4"]), (SERIES, {"d1": -100.0}, ["d1"]),
+    (SERIES, {"d1": -100.0, "d2": -1.0, "d3": 1.0}, ["d1", "d2"]), (SERIES, {"t": -100.0}, ["t"]),
+    # of a friction of no size, at the motion or at twice of it, no power of the motion is known
+    (UNDERFLOWS, {"c": 1.0, "Fd": -1.0, "vs": 3e-5}, ["Fd"]),
+    (UNDERFLOWS, {"c": 1.0, "Fd": -1.0, "vs": 5e-5}, ["Fd"]),
+])  # fmt: skip
+def test_a_term_of_a_series_between_others_bends_its_curve(text, changes, feeding):
     """Eq. (26) of Liu et al.: the damping of their joint, d3 below zero, takes energy all the same."""
-    law = compile_law(parse("d1*v + d2*v*abs(v) + d3*v**3 + d4*v**3*abs(v) + t*tanh(v)"))
-    motion = sine_motion(np.full(3, 300.0), np.array([1e-5, 3e-5, 1e-4]))
-
-    def feeding(**values: float) -> list[str]:
-        values = {"d1": 322.0, "d2": 7.8791e4, "d3": 0.0, "d4": 7.6782e7, "t": 0.0} | values
-        known = [Estimate(name, value, 0.0, (value, value)) for name, value in values.items()]
-        found = damping_findings(law, motion, law.ordered(values), known)
-        return [finding.parameter for finding in found]
-
-    assert feeding(d3=-4.3747e6) == []
-    assert feeding(d4=-4.3747e6) == ["d4"]
-    assert feeding(d1=-100.0) == ["d1"]
-    assert feeding(d1=-100.0, d2=-1.0, d3=1.0) == ["d1", "d2"]
-    assert feeding(t=-100.0) == ["t"]
-
-
-@pytest.mark.parametrize("reach", [3e-5, 5e-5])
-def test_a_friction_that_underflows_has_no_power_of_the_motion(reach):
-    """A Stribeck term of no size, at the motion or at twice of it, ended a ranking."""
-    law = compile_law(parse("c*v + Fd*exp(-(v/vs)**2)*sign(v)"))
-    values = {"c": 1.0, "Fd": -1.0, "vs": reach}
+    law, motion = compile_law(parse(text)), sine_motion(np.full(3, 300.0), np.array([1e-5, 3e-5, 1e-4]))
+    joint = {"d1": 322.0, "d2": 7.8791e4, "d3": 0.0, "d4": 7.6782e7, "t": 0.0}
+    values = (joint if text == SERIES else {}) | changes
     known = [Estimate(name, value, 0.0, (value, value)) for name, value in values.items()]
-    motion = sine_motion(np.array([300.0]), np.array([1e-4]))
     found = damping_findings(law, motion, law.ordered(values), known)
-    assert [finding.parameter for finding in found] == ["Fd"]
+    assert [finding.parameter for finding in found] == feeding
 
 
 @pytest.mark.slow
@@ -147,7 +131,6 @@ def test_no_background_is_advised_that_does_not_help_or_hides_a_sign_or_a_quanti
     if code:
         found = findings(replace(table, findings=(Finding(code, "doubt"),)))
     else:
-        # of a measured test a background was advised that would have left all of the misfit
         found = findings(replace(table, origin="measured"), "k*x + c*v")
     assert "law-does-not-fit" in found
     assert "background-missing" not in found
@@ -185,13 +168,12 @@ def test_harmonics_of_noise_are_no_steady_sine():
 
 
 def test_points_left_out_have_a_reason():
-    oscillator = Oscillator(1.5, "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 2e5, "c": 4.0})
-    plan = SimulatedTest(level=[2, 5, 10], frequency=np.linspace(8, 12, 41), noise_relative=0.003)
-    surface = simulate(oscillator, plan)
+    law = "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 2e5, "c": 4.0}
+    surface = simulated(*law, [2, 5, 10], (8, 12, 41), noise_relative=0.003)
     harmonics = surface.harmonics.copy()
     harmonics[20] *= 1.5
     seen = Observation(hold_out=[5.0], band=(8.45, 12.0))
-    found = identify(replace(surface, harmonics=harmonics), "k*x + k3*x**3 + c*v", seen)
+    found = identify(replace(surface, harmonics=harmonics), law[0], seen)
     curve, row = found.curve, np.arange(len(surface))
     held, outside = surface.level == 5, surface.frequency < 8.45
     expected = np.where(held, "held out", np.where(outside, "outside the band", ""))
@@ -201,20 +183,19 @@ def test_points_left_out_have_a_reason():
 
 
 def test_points_beyond_a_fold_that_a_falling_force_holds_are_no_warning() -> None:
-    """An exciter without a controller keeps motions that no held force keeps: they were said to disagree."""
-    values, damper = {"k": 6e3, "c": 2.0, "k3": 4e8, "Ff": 0.2}, 8.0
-    law, grid = "k*x + c*v + k3*x**3 + Ff*sign(v)", np.linspace(9, 14, 50)
+    """An exciter without a controller keeps motions that no held force keeps."""
+    law, damper = "k*x + c*v + k3*x**3 + Ff*sign(v)", 8.0
     # the exciter is a damper of the structure, and what it takes is no force on the structure
-    driven = Oscillator(1.5, law, {**values, "c": values["c"] + damper})
-    test = simulate(driven, SimulatedTest([0.6, 1.2, 2.4, 4.8], grid))
+    driven = {"k": 6e3, "c": 2.0 + damper, "k3": 4e8, "Ff": 0.2}
+    test = simulated(law, driven, [0.6, 1.2, 2.4, 4.8], (9, 14, 50))
     random = np.random.default_rng(1)
     noise = 1 + 0.004 * (random.standard_normal((2, len(test))) + 1j * random.standard_normal((2, len(test))))
     motion = test.harmonics[:, 1]
     force = (test.force - 1j * test.omega * damper * motion) * noise[0]
-    found = identify(ResponseSurface(test.level, test.frequency, force, motion * noise[1]), law)
+    found = identify(fundamentals(test, motion * noise[1], force), law)
     assert found.verdict.state == "identified"
     assert found["Ff"].value == pytest.approx(0.2, rel=0.01)
-    (excluded,) = (f for f in found.findings if f.code == "points-excluded")
+    excluded = only(found, "points-excluded")
     assert (excluded.severity, excluded.names["by"]) == ("info", "fold")
     assert 2 <= excluded["excluded"] <= 5
     assert excluded.names["where"].startswith("1.2 N at")
