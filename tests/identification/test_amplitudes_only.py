@@ -17,10 +17,8 @@ def test_a_test_that_is_not_calibrated_says_so():
     found = identify(surface("cubic"), model("cubic"), Observation(calibrated=False))
     assert "not-calibrated" in codes(found)
     assert {estimate.unit for estimate in found} == {""}
-    assert [found.curve.units.of(unit) for unit in ("N/m", "N*s/m", "J", "kg", "m/N", "m")] == [
-        *[""] * 5,
-        "m",
-    ]
+    assert {found.curve.units.of(unit) for unit in ("N/m", "N*s/m", "J", "kg", "m/N")} == {""}
+    assert found.curve.units.of("m") == "m"
     with pytest.raises(RsgenError, match="not calibrated"):
         Model(model("cubic").elements, mass=1.0, observation=Observation(calibrated=False))
 
@@ -48,10 +46,6 @@ def test_the_clamped_beam_has_the_published_backbone(measured_data: Callable[[st
 
 @pytest.mark.slow
 def test_standard_errors_without_phase():
-    scores = [
-        distances(
-            identify(without_phase(noisy(surface("cubic"), 0.02, seed)), model("cubic")), truth("cubic")
-        )
-        for seed in range(8)
-    ]
+    tests = [without_phase(noisy(surface("cubic"), 0.02, seed)) for seed in range(8)]
+    scores = [distances(identify(test, model("cubic")), truth("cubic")) for test in tests]
     assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5

@@ -78,7 +78,6 @@ def test_the_modal_table_has_a_row_a_level_and_no_course_between_that_it_cannot_
     assert np.all(np.abs(table.damping - damping) < 1.5 * (table.damping_upper - table.damping))
     between = table.at(np.geomspace(2.1e-5, 5.9e-4, 40))
     stiffness, damping = joint(between.amplitude)
-    # but next to a corner
     assert np.mean((between.stiffness_lower < stiffness) & (stiffness < between.stiffness_upper)) > 0.9
     assert np.mean((between.damping_lower < damping) & (damping < between.damping_upper)) > 0.85
     hole = only(table, "modal-hole")

@@ -10,6 +10,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.signals import Channel
 from tests.surfaces import codes, distances, errors, noisy
+from tests.virtual import only
 
 MASS, VALUES = 1.5, {"k": 5920.0, "k3": 3e5, "c": 3.8}
 LAW = "k*x + k3*x**3 + c*v"
@@ -37,7 +38,6 @@ def test_points_at_resonance_alone_are_refused_without_a_mass(lag, noise):
 
 @pytest.mark.parametrize("background", ["constant", "residuals", "neighbour", "constant+offset"])
 def test_a_background_is_not_determined_at_resonance_alone(background):
-    # it was fitted, and the result rejected as of a structure that feeds energy into the exciter
     observation = rsgen.Observation(background=background)
     with pytest.raises(rsgen.RsgenError, match="all points lie at phase resonance"):
         rsgen.identify(locked(), LAW, observation, mass=MASS)
@@ -46,9 +46,8 @@ def test_a_background_is_not_determined_at_resonance_alone(background):
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_an_error_of_the_mass_is_that_of_the_stiffness_at_resonance_alone(noise):
     given = {"mass": 1.01 * MASS, "mass_error": 0.01 * MASS}
-    found, table = (use(locked(noise=noise), *law, **given) for use, *law in (
-        (rsgen.identify, LAW), (rsgen.modal_table,)
-    ))  # fmt: skip
+    found = rsgen.identify(locked(noise=noise), LAW, **given)
+    table = rsgen.modal_table(locked(noise=noise), **given)
     assert max(map(abs, distances(found, {**VALUES, "m": MASS}))) < 3
     assert found["m"].standard_error == pytest.approx(0.01 * MASS, rel=1e-3)
     assert found["k"].standard_error >= 0.0099 * VALUES["k"]
@@ -85,8 +84,7 @@ def test_a_law_whose_damping_contains_its_stiffness_determines_the_mass():
     law = "k*x + c*v + masing(Min(kt*x, Fs))"
     found = rsgen.identify(locked(law, noise=0.003, **truth), law)
     assert np.abs(distances(found, {**truth, "m": MASS})).max() < 4
-    (said,) = (finding for finding in found.findings if finding.code == "mass-at-resonance")
-    assert said.names == {"by": "loops"}
+    assert only(found, "mass-at-resonance").names == {"by": "loops"}
 
 
 @pytest.mark.slow
@@ -99,12 +97,12 @@ def test_a_lag_that_was_not_recorded_is_in_every_interval(tmp_path, lag):
     signals = Channel(amplitude="force"), Channel(amplitude="response")
     plan = MeasuredTest(path, "f", *signals, "displacement", phase_known=False, control="phase")
     read = read_measurement(plan)
-    (said,) = (finding for finding in read.findings if finding.code == "phase-lag")
-    assert said.names == {"by": "assumed"}
+    assert only(read, "phase-lag").names == {"by": "assumed"}
     found = rsgen.identify(read, LAW, mass=MASS)
     low, high = found["k"].interval
     assert low < VALUES["k"] < high
-    assert abs(found["k"].value - VALUES["k"]) > 0.2 * (high - low) / 4, "the error is one that counts"
+    # the error is one that counts
+    assert abs(found["k"].value - VALUES["k"]) > 0.2 * (high - low) / 4
     for mass in (MASS, None):
         modal = rsgen.modal_table(read, mass=mass)
         exact = rsgen.modal_table(locked(noise=0.0), mass=MASS).at(modal.amplitude).stiffness_per_mass
