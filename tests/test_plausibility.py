@@ -116,26 +116,16 @@ def test_forces_in_another_unit_than_their_levels_are_doubted(factor):
     (found,) = level_findings(wrong := fundamentals(surface, force=factor * surface.force))
     assert found.severity == "doubt"
     assert found["force"] == pytest.approx(factor * found["level"])
+    # numbers of runs are no other unit
+    assert said_of(replace(surface, level=np.searchsorted(surface.levels, surface.level) + 1.0)) == []
+    one = surface.select(surface.level == surface.levels[0])
+    assert said_of(replace(one, force=1e3 * one.force)) == []
     if factor == 1e-3:  # the other sizes are possible
         assert rsgen.identify(wrong, LAW).verdict.state == "doubtful"
 
 
-def test_levels_that_are_numbers_of_runs_are_no_other_unit():
-    surface = cubic_surface()
-    runs = np.searchsorted(surface.levels, surface.level) + 1.0
-    one = surface.select(surface.level == surface.levels[0])
-    for numbered in (surface, replace(surface, level=runs), replace(one, force=1e3 * one.force)):
-        assert said_of(numbered) == []
-
-
-@pytest.mark.parametrize("factor", [1e3, 1e6, (20 * np.pi) ** 2])
-def test_a_response_in_a_smaller_unit_is_impossible(factor):
-    surface = cubic_surface()
-    (found,) = size_findings(Sizes.of(fundamentals(surface, factor * surface.harmonics[:, 1])))
-    assert found.severity == "doubt"
-
-
 @pytest.mark.parametrize(("sizes", "quantity"), [
+    (Sizes.of(fundamentals(cubic_surface(), 1e3 * cubic_surface().harmonics[:, 1])), "velocity"),
     (Sizes(10, 70.0, 1, 1, 1), "displacement"), (Sizes(30, 1e-15, 1, 1, 1), "displacement"),
     (Sizes(30, 0.1, 1, 1, 1, mass=8e-6), "mass"), (Sizes(0.05, 0.1, 1, 1, 1, mass=1.9e12), "mass"),
     (Sizes(30, 0.1, 1, 1, 1, mass=1.9e12), "stiffness"),

@@ -171,22 +171,14 @@ def test_four_columns_are_enough():
     assert_same(ResponseSurface(*(column.tolist() for column in linear_columns().values())), surface)
 
 
-def test_masked_values_are_not_measured():
+def test_rows_that_are_masked_or_no_numbers_are_left_out_and_counted():
     columns = linear_columns()
-    masked = np.arange(40) % 10 == 3
-    columns["response"] = np.ma.masked_array(np.where(masked, 1.0, columns["response"]), masked)
-    surface = ResponseSurface(*columns.values())
-    assert np.flatnonzero(~surface.settled).tolist() == [3, 13, 23, 33]
-    np.testing.assert_array_equal(surface.harmonics[~masked, 1], columns["response"][~masked].data)
-    assert [(f.code, f["rows"], f["all"]) for f in surface.findings] == [("rows-left-out", 4, 40)]
-
-
-def test_rows_that_are_not_numbers_are_left_out_and_counted():
-    columns = linear_columns()
-    columns["response"][[3, 7]] = np.nan
+    columns["response"] = np.ma.masked_array(columns["response"], np.arange(40) == 3)
+    columns["response"][7] = np.nan
     columns["force"][5] = np.inf
     surface = ResponseSurface(*columns.values())
     assert np.flatnonzero(~surface.settled).tolist() == [3, 5, 7]
+    np.testing.assert_array_equal(surface.harmonics[8:, 1], columns["response"][8:].data)
     assert [(f.code, f["rows"], f["all"]) for f in surface.findings] == [("rows-left-out", 3, 40)]
     assert "3 not settled" in repr(surface)
     # the finding is made once
@@ -194,6 +186,9 @@ def test_rows_that_are_not_numbers_are_left_out_and_counted():
     columns["level"][2] = np.nan
     with pytest.raises(RsgenError, match="level: nan in row 2"):
         ResponseSurface(*columns.values())
+    for count in (2, 3):  # of real and imaginary parts, or of amplitudes: neither can be told
+        with pytest.raises(RsgenError, match=r"shape \(n,\), complex harmonics \(n, H\+1\), mean first"):
+            ResponseSurface(level=[1.0], frequency=[5.0], force=[1.0], response=np.ones((1, count)))
 
 
 @pytest.mark.parametrize(("name", "rows", "said"), [
@@ -210,12 +205,6 @@ def test_rows_of_exact_zeros_are_left_out_and_counted(name, rows, said):
     kept = np.setdiff1d(np.arange(40), np.arange(40)[rows])
     zeros, without = (rs.identify(one, "k*x + c*v") for one in (surface, surface.select(kept)))
     assert zeros.values == pytest.approx(without.values, rel=1e-9)
-
-
-def test_arrays_whose_columns_cannot_be_told_are_refused():
-    for columns in (2, 3):  # of real and imaginary parts, or of amplitudes: neither can be told
-        with pytest.raises(RsgenError, match=r"shape \(n,\), complex harmonics \(n, H\+1\), mean first"):
-            ResponseSurface(level=[1.0], frequency=[5.0], force=[1.0], response=np.ones((1, columns)))
 
 
 def test_a_phase_that_was_not_recorded_is_nan_and_named():
