@@ -82,7 +82,6 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval():
     assert high - stiffness.value > 2 * (stiffness.value - low)
     assert "by profile" in str(found)
     assert not found["k"].by_profile
-    # a fit that did not converge has no likelihood
     stopped = replace(found.fit, regression=replace(found.fit.regression, converged=False))
     assert not any(estimate.by_profile for estimate in with_profiles(stopped, found.first_order))
 
@@ -136,7 +135,6 @@ _STRIBECK = "c*v + k*x + (Fc + Fd*exp(-{}))*sign(v) + k3*x**3"
 @pytest.mark.usefixtures("not_simulated")
 @pytest.mark.parametrize(("mass", "values", "level", "band", "seed", "shape"), [
     (0.8, (1.2e4, 6e5, 1.5, 0.25), PLATE, (15, 24, 50), 3, "v**2/vs**2"),
-    # the balance does not resolve it
     (2.4, (8.5e4, -9e7, 6.0, 1.1), [3.0, 6.0, 10.0, 15.0], (26, 31.5, 52), 1, "abs(v)/vs"),
 ], ids=["plate", "softening"])  # fmt: skip
 def test_values_that_noise_hides_are_not_determined_and_not_simulated(mass, values, level, band, seed, shape):
@@ -161,7 +159,6 @@ def test_a_profile_follows_values_that_go_together():
         if estimate.by_profile:
             assert np.isfinite(estimate.interval).all()
             assert estimate.interval[0] < values[estimate.name] < estimate.interval[1]
-    # both ends are where the root is the quantile, not where the fit lost a motion
     one = profile(found, "Fs")
     assert not np.isfinite(one.followed).any()
     assert len(one.values) < 14

@@ -3,7 +3,6 @@
 import functools
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,14 +22,6 @@ BALANCED = {"method": "harmonic-balance", "noise_relative": 0.01}
 
 def measured(law: str, values: dict[str, float], levels: list[float]) -> rs.ResponseSurface:
     return simulated(law, values, levels, (8.5, 12, 30), noise_relative=1e-3, seed=1)
-
-
-def test_a_damper_that_resembles_another_is_in_the_interval():
-    surface = measured(f"{LAW} + c3*v**3", TRUE | {"c3": 0.2}, [1.0, 2.0, 4.0, 6.0])
-    found = rs.identify(surface, LAW)
-    cq = found["cq"]
-    assert abs(cq.value - TRUE["cq"]) > 0.05 * TRUE["cq"]
-    assert abs(cq.value - TRUE["cq"]) < 2 * cq.standard_error or found.verdict.state != "identified"
 
 
 def test_what_fundamentals_do_not_show_is_said_with_what_it_moves():
@@ -65,10 +56,13 @@ def test_an_alternative_is_what_a_fit_with_it_finds():
     law = f"{LAW} + c3*v**3"
     surface = measured(law, TRUE | {"c3": 0.05}, [1.0, 2.0, 4.0, 6.0])
     found, free = rs.identify(surface, LAW), rs.identify(surface, law)
+    off = abs(found["cq"].value - TRUE["cq"])
+    assert found.verdict.state != "identified" or off < 2 * found["cq"].standard_error
     others = found.alternatives
-    errors = dict(zip(others.names, others.error.tolist(), strict=True))
+    errors, by_noise = (
+        dict(zip(one.names, one.error.tolist(), strict=True)) for one in (others, free.alternatives)
+    )
     term = rs.compare_fits(found).fits[0].shifted("", others.kinds["term"]["v**3"], errors)
-    by_noise = dict(zip(free.alternatives.names, free.alternatives.error.tolist(), strict=True))
     for one in term.estimates:
         assert one.value == pytest.approx(free[one.name].value, abs=by_noise[one.name])
         assert 0.99 < one.standard_error / by_noise[one.name] < 2
@@ -112,7 +106,6 @@ def test_a_drag_that_is_missing_is_proposed_though_dry_friction_has_more_gain_to
     misfit = only(found, "law-does-not-fit")
     assert (misfit.names["term"], misfit["left"] < 0.002) == ("v*abs(v)", True)
     assert "also" not in misfit.names
-    # the parts that disagree are named by their levels
     assert "lower and upper levels (2 N; 5, 10 N)" in sentence(only(found, "parts-disagree"))
 
 
@@ -149,7 +142,6 @@ def test_where_fundamentals_alone_lack_a_spring_an_even_one_is_proposed_too():
     whole = rs.identify(asymmetric(), CUBIC)
     assert all("even" not in finding.names for finding in whole.findings)
     assert f"a mass other than m = {whole['m'].value:.4g} kg shows a wrong ratio" in str(whole)
-    # rms read as peak in both leaves the mass right
     assert all("m does not show a factor that force and response share" in str(one) for one in (found, whole))
     assert "k3 is 2 times too large" in str(whole)
 
@@ -159,9 +151,9 @@ def test_a_spring_that_is_nothing_has_its_largest_share_of_the_force():
     found = rs.identify(test, f"{CUBIC} + c3*v**3")
     unseen = {one.parameter: one for one in found.findings if one.code == "not-distinct-from-zero"}
     cubic, size = unseen["k3"], found.amplitude_range[1]
-    largest = abs(found["k3"].value) + 1.96 * found["k3"].standard_error
-    whole = found["k"].value + found["k3"].value * size**2
-    assert cubic["share"] == pytest.approx(largest * size**2 / whole, rel=1e-2)
+    k3 = found["k3"]
+    whole = found["k"].value / size**2 + k3.value
+    assert cubic["share"] == pytest.approx((abs(k3.value) + 1.96 * k3.standard_error) / whole, rel=1e-2)
     assert "share" not in unseen["c3"].numbers
 
 
@@ -209,8 +201,7 @@ def test_a_delay_between_the_channels_is_named_with_its_value(band, noise, delay
     assert said["left"] < max(0.5 * said["misfit"], noise)
     assert said in found.verdict.decided_by
     # half a turn of noise in a narrow band: a phase error does the same
-    narrow = band == (8, 12) and delay == 2e-4
-    assert ("turn" in said.numbers) is narrow
+    assert ("turn" in said.numbers) is (band == (8, 12) and delay == 2e-4)
     assert not {"law-does-not-fit", "channels-delayed"} & codes(rs.identify(test, CUBIC))
 
 
@@ -276,9 +267,6 @@ def test_sensors_of_a_driven_base_are_not_blamed_for_a_law(absolute, law):
 
 @pytest.mark.parametrize(("moved", "named"), [(-0.5, True), (-790.0, False)])
 def test_a_background_that_moves_a_value_absurdly_is_no_advice(moved, named):
-    found: Any = SimpleNamespace(covariance=np.array([[1e-6]]), parameters=np.array([1.0]))
-    other: Any = SimpleNamespace(shift=np.array([moved]))
-    said = background_findings(
-        {"phase": other}, {"phase": 0.001}, found, ["k3"], misfit=0.26, left_by_term=0.2
-    )
-    assert bool(said) == named
+    found = SimpleNamespace(covariance=np.array([[1e-6]]), parameters=np.array([1.0]))
+    other, how = SimpleNamespace(shift=np.array([moved])), {"misfit": 0.26, "left_by_term": 0.2}
+    assert bool(background_findings({"phase": other}, {"phase": 0.001}, found, ["k3"], **how)) == named
