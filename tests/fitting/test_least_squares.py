@@ -68,18 +68,20 @@ def test_what_truncated_waveforms_leave_of_exact_data_is_no_open_step(size, expe
 
 
 def line_through(noise: float, seed: int, spoilt: int = 0):
-    """Points of y = p0 + p1 x with equal noise on x and y; the nuisance is x."""
+    """Points of y = p0 + p1 x with equal noise on x and y; nuisances are x and an idle one."""
     generator, x = np.random.default_rng(seed), np.linspace(0, 1, 60)
     seen_x, seen_y = x + noise * generator.normal(size=60), 0.5 + 2 * x + noise * generator.normal(size=60)
     seen_y[:spoilt] += 1
 
     def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
-        residual = np.stack([seen_x - nuisance[:, 0], seen_y - p[0] - p[1] * nuisance[:, 0]], axis=1)
-        by_own, by_parameter = np.ones((60, 2, 1)), np.zeros((60, 2, 2))
-        by_own[:, 1, 0], by_parameter[:, 1, 0], by_parameter[:, 1, 1] = p[1], 1, nuisance[:, 0]
+        predicted = p[0] + p[1] * nuisance[:, 0]
+        residual = np.stack([seen_x - nuisance[:, 0], seen_y - predicted, -nuisance[:, 1]], axis=1)
+        by_own, by_parameter = np.zeros((60, 3, 2)), np.zeros((60, 3, 2))
+        by_own[:, 0, 0], by_own[:, 1, 0], by_own[:, 2, 1] = 1, p[1], 1
+        by_parameter[:, 1, 0], by_parameter[:, 1, 1] = 1, nuisance[:, 0]
         return Linearisation(residual / noise, by_own / noise, by_parameter / noise)
 
-    return linearise, np.array([0.0, 1.0]), seen_x[:, None]
+    return linearise, np.array([0.0, 1.0]), np.stack([seen_x, np.zeros(60)], axis=1)
 
 
 @pytest.mark.slow
