@@ -22,14 +22,8 @@ SPRING, DAMPER = "element.1.force", "element.2.force"
     ({"identify.hold_out": [2]}, "hold_out"),
     ({"test.level.values": [1], "test.frequency.count": 3}, "3 of 3 points can be used"),
     ({"test.control": "phase", "test.sweep": "up"}, "finds its frequency"),
-    *(
-        ({SPRING: law}, f"element.1.force: ... {reason}")
-        for law, reason in (
-            ("k*gamma(x)", "gamma has no place in a force law"),
-            ("k*besselj(0, x)", "besselj has no place in a force law"),
-            ("k*x**(-3)", "so singular at zero that the force has no fundamental"),
-        )
-    ),
+    ({SPRING: "k*besselj(0, x)"}, "element.1.force: ... besselj has no place in a force law"),
+    ({SPRING: "k*x**(-3)"}, "element.1.force: ... so singular at zero that the force has no fundamental"),
     # what does not settle is seen as it is simulated
     ({DAMPER: "-c*v"}, ""), ({SPRING: "-k*x + 1e6*x**3"}, ""),
     *(({SPRING: law}, "") for law in ("k*x*log(1 + abs(x))", "k*tan(x)", "k*x*abs(x)**0.5")),
@@ -49,23 +43,15 @@ def test_a_virtual_test_that_cannot_be_used_is_refused_before_it_is_run(tmp_path
 
 
 def test_check_says_that_a_mass_has_another_unit_than_force_and_response(tmp_path, run_cli):
-    table, (path, given) = (
-        "cases/formats/table.csv",
-        (tmp_path / "mass.toml", '[system]\nmass = "1.5 kg"\n\n'),
-    )
-    (tmp_path / "table.csv").write_bytes(Path(table).read_bytes())
+    path, table = tmp_path / "mass.toml", Path("cases/formats/table.csv").read_text()
+    (tmp_path / "table.csv").write_text(table)
     text = Path("cases/formats/csv-table.toml").read_text(encoding="utf-8")
     for mass, said in (("1500 kg", True), ("1.5 kg", False)):
-        path.write_text(text.replace("[[element]]", given.replace("1.5 kg", mass) + "[[element]]", 1))
+        path.write_text(text.replace("[[element]]", f'[system]\nmass = "{mass}"\n\n[[element]]', 1))
         assert ("doubt: with m = 1.5 kg in place of the given 1500 kg" in run_cli("check", path).out) == said
     # a unit that stands nowhere is a doubt
-    text = (
-        path.read_text(encoding="utf-8")
-        .replace('unit        = "g"\n', "")
-        .replace("acceleration_peak_g", "a")
-    )
-    (tmp_path / "table.csv").write_text(Path(table).read_text().replace("acceleration_peak_g", "a"))
-    path.write_text(text)
+    (tmp_path / "table.csv").write_text(table.replace("acceleration_peak_g", "a"))
+    path.write_text(path.read_text().replace('unit        = "g"\n', "").replace("acceleration_peak_g", "a"))
     said = run_cli("check", path).out
     assert "  doubt: no unit stands in the case or the file" in said
     assert "12.5 Hz, read as sweep up (rows ascend)" in said
@@ -94,8 +80,7 @@ def test_other_commands_refuse_the_law_that_check_refuses(tmp_path, run_cli, sta
     path = write_small(tmp_path, "loop", changes)
     for command in ("check", "identify", "rank", *([] if "n" in truth else ["modal"])):
         refused = run_cli(command, path)
-        assert (refused.code, refused.out) == (2, "")
-        assert said in refused.err
+        assert (refused.code, refused.out, said in refused.err) == (2, "", True)
         assert "n" in truth or refused.err.startswith(f"{path}: ")
     if "n" in truth:
         fixed = changes | {"identify.fixed": {"n": 1.0}}
@@ -115,30 +100,19 @@ def test_a_case_begins_with_a_law_with_memory(tmp_path, run_cli):
     assert (refused.code, "z stands neither in the force" in refused.err) == (2, True)
 
 
-BOUC_WEN = ("k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
-
-
 @pytest.mark.slow
 def test_equations_of_states_are_shown(run_cli):
-    said = run_cli("derive", *BOUC_WEN)
+    said = run_cli("derive", "k*x + z", "--memory", "z' = alpha*v - bg*abs(v)*z - bd*v*abs(z)")
     assert said.code == 0
     assert "n(x, v, z)  = k x + z" in said.out
     assert "memory     z'          = alpha v - bd v |z| - bg z |v|" in said.out
     assert "energy     D(X)        = integral_0^2pi X cos(phi) z(phi) dphi" in said.out
 
 
-HARDENING = {
-    **law("k*x + k3*x**3 + c*v", k=5920, k3=3e5, c=3.8), "test.level.values": [1, 2, 4, 8],
-    "test.frequency": {"start": 9.3, "stop": 10.9, "count": 17}, "identify.hold_out": [4],
-}  # fmt: skip
-
-
-@pytest.fixture
-def case(tmp_path):
-    return write_small(tmp_path, changes=HARDENING)
-
-
-def test_the_table_is_printed_and_a_held_out_level_scored(case, tmp_path, run_cli):
+def test_the_table_is_printed_and_a_held_out_level_scored(tmp_path, run_cli):
+    changes = law("k*x + k3*x**3 + c*v", k=5920, k3=3e5, c=3.8) | {"test.level.values": [1, 2, 4, 8]}
+    changes |= {"test.frequency": {"start": 9.3, "stop": 10.9, "count": 17}, "identify.hold_out": [4]}
+    case = write_small(tmp_path, changes=changes)
     answer = run_cli("modal", case)
     assert answer.code == 0
     lines = answer.out.splitlines()

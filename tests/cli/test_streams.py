@@ -4,7 +4,6 @@ import errno
 import logging
 import os
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -17,27 +16,18 @@ from tests.programs import RSGEN, python, start
 posix = pytest.mark.skipif(os.name != "posix", reason="the full device is POSIX")
 
 
-def redirected(words: str, redirections: str) -> subprocess.CompletedProcess[str]:
-    return start("bash", "-c", f"{shlex.join(RSGEN)} {words} {redirections}", timeout=60)
-
-
 @pytest.mark.slow
 @posix
 @pytest.mark.parametrize(("redirections", "words", "code", "error"), [
     ("> /dev/full", "laws", 2, "standard output: cannot be written: No space left on device\n"),
     ("> /dev/full", "--help", 2, "rsgen: the system refuses what this needs: No space left on device\n"),
     ("2> /dev/full", "run absent.toml", 2, ""), ("<&- >&- 2>&-", "run absent.toml", 2, ""),
+    # a reader that left does not change the code
+    ("| true; exit ${PIPESTATUS[0]}", "laws", 0, ""),
 ])  # fmt: skip
 def test_a_command_ends_well_whatever_its_streams_are(redirections, words, code, error):
-    done = redirected(words, redirections)
+    done = start("bash", "-c", f"{shlex.join(RSGEN)} {words} {redirections}", timeout=60)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", error)
-
-
-@pytest.mark.slow
-@posix
-def test_a_reader_that_left_does_not_change_the_code():
-    done = redirected("laws", "| true; exit ${PIPESTATUS[0]}")
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_letters_that_an_output_does_not_have_are_escaped():
@@ -85,35 +75,21 @@ main(["laws"])
 
 
 @pytest.mark.slow
-def test_a_warning_of_a_library_stays_off_the_terminal():
+def test_a_warning_of_a_library_stays_off_the_terminal_and_a_fault_of_the_program_is_one_sentence():
     run = python("-c", PROGRAM.format(act="print('done')"))
     assert (run.returncode, run.stdout, run.stderr) == (0, "done\n", "")
-
-
-def test_a_fault_of_the_program_is_one_sentence():
-    run = python("-c", PROGRAM.format(act="raise ZeroDivisionError('of\\nthe program')"))
-    assert (run.returncode, run.stdout) == (2, "")
+    faulty = PROGRAM.format(act="raise ZeroDivisionError('of\\nthe program')")
+    run = python("-c", faulty)
+    assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
     assert run.stderr.startswith("rsgen: ZeroDivisionError: of the program; this is a fault of rsgen")
-    assert run.stderr.count("\n") == 1
+    # who asks sees both
+    run = python("-c", faulty, env={**os.environ, "RSGEN_DEBUG": "1"})
+    assert all(part in run.stderr for part in ("raw text of a library", "Traceback", "in odd"))
 
 
-@pytest.mark.slow
-def test_who_asks_sees_both():
-    program = PROGRAM.format(act="raise ZeroDivisionError('of the program')")
-    run = python("-c", program, env={**os.environ, "RSGEN_DEBUG": "1"})
-    assert "raw text of a library" in run.stderr
-    assert "Traceback" in run.stderr
-    assert "in odd" in run.stderr
+def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(run_cli, monkeypatch, request):
+    request.addfinalizer(lambda: logging.captureWarnings(False))
 
-
-@pytest.fixture
-def _log_as_it_was():
-    yield
-    logging.captureWarnings(False)
-
-
-@pytest.mark.usefixtures("_log_as_it_was")
-def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(run_cli, monkeypatch):
     def odd(case: object) -> list[str]:
         if case.name == "cubic":
             raise ZeroDivisionError("odd")
@@ -122,8 +98,6 @@ def test_check_names_the_case_of_a_fault_of_the_program_and_goes_on(run_cli, mon
     monkeypatch.setattr("rsgen.app.cli.check_command.law_faults", odd)
     cases = Path(__file__).parents[2] / "cases"
     checked = run_cli("check", cases / "cubic.toml", cases / "quintic.toml")
-    assert checked.code == 2
-    assert checked.out.startswith("quintic: ")
+    assert (checked.code, checked.out.startswith("quintic: "), checked.err.count("\n")) == (2, True, 1)
     said = f"{cases / 'cubic.toml'}: ZeroDivisionError: odd; this is a fault of rsgen"
     assert checked.err.startswith(said)
-    assert checked.err.count("\n") == 1

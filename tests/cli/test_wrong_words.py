@@ -8,10 +8,9 @@ import pytest
 from tests.case_files import MEASURED, SMALL, changed
 
 TABLE = {
-    "test.frequency": {"column": "f"},
-    "test.force": {"amplitude": "F"},
+    "test.frequency": {"column": "f"}, "test.force": {"amplitude": "F"},
     "test.response": {"quantity": "displacement", "real": "a", "imaginary": "b", "phase_sense": "lead"},
-}
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -28,9 +27,7 @@ def laboratory(tmp_path, monkeypatch):
 
 
 def table_of() -> np.ndarray:
-    level, frequency = (
-        part.ravel() for part in np.meshgrid([1.0, 2.0], np.linspace(8, 12, 21), indexing="ij")
-    )
+    level, frequency = np.repeat([1.0, 2.0], 21), np.tile(np.linspace(8, 12, 21), 2)
     omega = 2 * np.pi * frequency
     response = level / (5920 - 1.5 * omega**2 + 8j * omega)
     return np.column_stack([frequency, level, response.real, response.imag])
@@ -45,11 +42,9 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
     ("check lab/small", "lab/small: does not exist; ... did you mean 'lab/small.toml'?"),
     ("check lab/smal.toml", "lab/smal.toml: does not exist; ... did you mean 'lab/small.toml'?"),
     ("identify lab/smal.toml", "lab/smal.toml: cannot be read: ... 'lab/small.toml'?"),
-    ("rank lab/absent.toml", "lab/absent.toml: cannot be read: ... file is needed"),
     ("identify lab/a.csv", "lab/a.csv: line 1, column 2: ... `rsgen init --from` writes"),
     ("identify lab", "lab: is no regular file"),
     ("check lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
-    ("identify lab/read.toml --data absent", "lab/read.toml: test.file: ... absent/a.csv: cannot be read"),
     ("profile lab/small.toml q", "profile: 'q' is no parameter with a value here; those are c, k, m"),
     ("inspect lab/a.cs", "lab/a.cs: cannot be read: ... did you mean 'lab/a.csv'?"),
     ("inspect lab/small.toml", "lab/small.toml: is a case file, which `rsgen check` reads"),
@@ -57,7 +52,6 @@ def write_table(path: Path, rows: np.ndarray | None = None, head: str = "f,F,a,b
     ("init --from lab/b.csv", "lab/b.csv: cannot be read: ... did you mean 'lab/a.csv'?"),
     ("laws cubic", "law 'cubic': unknown; did you mean 'cubic-spring' or 'softening-hardening-spring'?"),
     ("laws cubic-quintic", "law 'cubic-quintic': unknown; did you mean 'softening-hardening-spring'?"),
-    ("laws cubic-sprin", "law 'cubic-sprin': unknown; did you mean 'cubic-spring'"),
     ("derive cubic-spring", "cubic-spring is a law of the library ... write k*x + k3*x**3"),
     ("derive k*x+k2*sing(x)", "column 8: 'sing' is not a function of formulas, did you mean 'sin'?"),
     ("init", "NAME: is missing"),

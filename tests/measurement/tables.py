@@ -1,0 +1,37 @@
+"""Tables as laboratories write them, and plans to read them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsgen import ResponseSurface
+from rsgen.files.files_to_surface import read_measurement
+from rsgen.files.plan import MeasuredTest
+from rsgen.files.signals import Channel
+
+
+def write_columns(path: Path, titles: str, *columns: Any) -> Path:
+    """Write columns below their titles, if there are any; a single number stands in every row."""
+    rows = np.column_stack(np.broadcast_arrays(*columns))
+    np.savetxt(path, rows, "%.17g", delimiter=",", header=titles, comments="")
+    return path
+
+
+def planned(files: Any, frequency: Any = 1, force: Any = 2, response: Any = 3, **more: Any) -> MeasuredTest:
+    """Plan to read displacements, without phases unless said; a name or number is a column of amplitudes."""
+    force, response = (
+        Channel(amplitude=one) if isinstance(one, int | str) else one for one in (force, response)
+    )
+    known: dict[str, Any] = {"quantity": "displacement", "phase_known": False}
+    return MeasuredTest(files, frequency, force, response, **known | more)
+
+
+def read_planned(*words: Any, **more: Any) -> ResponseSurface:
+    """Return what ``planned`` of the same arguments reads."""
+    return read_measurement(planned(*words, **more))
+
+
+def doubts(surface: ResponseSurface) -> list[str]:
+    """Return the codes of what is doubted."""
+    return [finding.code for finding in surface.findings if finding.severity == "doubt"]
