@@ -7,7 +7,9 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import pytest
@@ -21,12 +23,10 @@ from rsgen.app.study.folder import (
     replaced_folder,
     write_manifest,
 )
-from rsgen.app.study.many_cases import local_workers, run_cases
+from rsgen.app.study.many_cases import _outcome, local_workers, run_cases
 from rsgen.app.study.run_case import check_place, current_result, run_case
 from tests.case_files import CUBIC, write_small
 
-NO_PROCESS = 4_194_303
-"""A number that no process has."""
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and locks of files are POSIX")
 
 
@@ -51,14 +51,18 @@ def fill(folder: Path, text: str) -> None:
     write_manifest(folder, {"case": "0"}, None, ["rsgen"])
 
 
-def content(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
+def content(folder: Path) -> dict[str, object]:
+    """Return what each path below holds: the aim of a link, the bytes of a file, or the mode."""
+    return {
+        path.relative_to(folder).as_posix(): path.readlink() if path.is_symlink()
+        else path.read_bytes() if path.is_file() else path.stat().st_mode
+        for path in folder.rglob("*")
+    }  # fmt: skip
 
 
-def test_manifest_vouches_for_every_byte(tmp_path):
+def test_a_manifest_vouches_for_every_byte(tmp_path):
     fill(tmp_path, "text")
     manifest = read_manifest(tmp_path)
-    assert manifest is not None
     assert set(manifest["files"]) == {"result.json", "report.html"}
     assert manifest["command"] == ["rsgen"]
     (tmp_path / "report.html").write_text("texttexT")
@@ -152,7 +156,6 @@ FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
     "a folder of the user": (lambda place: (place / MANIFEST).unlink(), "that no run made"),
     "a manifest of something else": (lambda place: (place / MANIFEST).write_text("{}"), "that no run made"),
     "a file": (lambda place: (place / "thesis.tex").write_text("mine"), "thesis.tex"),
-    "a hidden file": (lambda place: (place / ".env").write_text("mine"), ".env"),
     "a file in a folder": (
         lambda place: ((place / "more").mkdir(), (place / "more" / "thesis.tex").write_text("mine")),
         "more, more/thesis.tex",
@@ -176,24 +179,16 @@ FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
-def _contents(place: Path) -> dict[str, object]:
-    return {
-        path.relative_to(place).as_posix(): path.readlink() if path.is_symlink()
-        else path.read_bytes() if path.is_file() else path.stat().st_mode
-        for path in place.rglob("*")
-    }  # fmt: skip
-
-
 @posix
 @pytest.mark.parametrize("what", FOREIGN)
 def test_what_no_run_wrote_is_never_replaced(earlier, what):
     make, named = FOREIGN[what]
     make(earlier / "case")
-    before = _contents(earlier)
+    before = content(earlier)
     # before anything is computed
     with pytest.raises(RsgenError, match=named), replaced_folder(earlier, "case"):
         pytest.fail("the block began")
-    assert _contents(earlier) == before
+    assert content(earlier) == before
 
 
 def test_what_came_during_a_run_is_not_replaced_either(earlier):
@@ -229,9 +224,7 @@ def finished(tmp_path_factory):
 @pytest.mark.slow
 def test_a_run_leaves_what_it_promises(finished):
     path, out, run = finished
-    assert run.faults == ()
-    assert run.passed
-    assert not run.skipped
+    assert (run.faults, run.passed, run.skipped) == ((), True, False)
     wanted = {"surface.h5", "kernel.py", "result.json", "notebook.ipynb", "report.html", MANIFEST}
     assert wanted <= set(content(out / "small"))
     manifest = read_manifest(out / "small")
@@ -245,9 +238,7 @@ def test_unchanged_is_skipped_and_changed_is_not(finished, tmp_path):
     path, out, _ = finished
     case = load_case(path)
     again = current_result(case, out)
-    assert again is not None
-    assert again.skipped
-    assert again.passed
+    assert (again.skipped, again.passed) == (True, True)
     changed = load_case(write_case(tmp_path, accept=2e-2))
     assert current_result(changed, out) is None
     copied = tmp_path / "out"
@@ -269,8 +260,7 @@ def test_a_faulty_case_stops_no_other(finished, tmp_path):
     assert [run.passed for run in runs] == [None, True, None]
     assert "accept.k" in runs[0].faults[0]
     assert f"is also the name of {path}" in runs[2].faults[0]
-    assert sorted(seen) == ["SMALL", "bad", "small"]
-    assert runs[1].skipped
+    assert (sorted(seen), runs[1].skipped) == (["SMALL", "bad", "small"], True)
     assert (out / "index.html").is_file()
 
 
@@ -312,7 +302,7 @@ def test_a_file_with_the_name_of_the_index_stays(tmp_path, link):
 
 
 @posix
-@pytest.mark.parametrize("process", [os.getpid(), NO_PROCESS], ids=["own", "foreign"])
+@pytest.mark.parametrize("process", [os.getpid(), 4_194_303], ids=["own", "none"])
 def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     """That run may be another thread, or in another container or machine, with any number."""
     with replaced_folder(tmp_path, "other") as part:
@@ -335,3 +325,63 @@ def test_a_worker_has_the_settings_of_its_own_time(value, monkeypatch):
     monkeypatch.setenv("RSGEN_PROBE", value)
     with local_workers(1) as submit:
         assert submit(os.getenv, "RSGEN_PROBE").result(60) == value
+
+
+class Pool:
+    """A pool of one process: each answer is a value, or a fault of the process, which then is gone."""
+
+    def __init__(self, answers: Sequence[object]) -> None:
+        self.answers = list(answers)
+
+    def submit(self, call: Callable, *args: object) -> Future:
+        future: Future = Future()
+        if call is not os.getpid:
+            answer = self.answers.pop(0)
+            (future.set_exception if isinstance(answer, Exception) else future.set_result)(answer)
+        return future
+
+    def shutdown(self, **how: bool) -> None:
+        pass
+
+
+KILLED = BrokenProcessPool("killed")
+
+
+@pytest.fixture
+def answers(monkeypatch):
+    """Let pools be given ones: answers, or why it cannot be begun; give what three calls came to."""
+
+    def run(number: int, *pools: Sequence[object] | Exception) -> list[object]:
+        given = iter(pools)
+
+        def begin(*args: object, **keys: object) -> Pool:
+            pool = next(given)
+            if isinstance(pool, Exception):
+                raise pool
+            return Pool(pool)
+
+        monkeypatch.setattr("rsgen.app.study.many_cases.ProcessPoolExecutor", begin)
+        with local_workers(number) as submit:
+            futures = [submit(str, call) for call in range(3)]
+            return [future.exception(5) or future.result(5) for future in futures]
+
+    return run
+
+
+def test_a_process_that_cannot_be_begun_leaves_its_calls_to_the_others(answers):
+    assert answers(2, ["a", "b", "c"], OSError("too many open files")) == ["a", "b", "c"]
+
+
+def test_where_no_process_can_be_begun_every_call_says_so(answers, tmp_path):
+    found = answers(2, RuntimeError("can't start new thread"), *[OSError("no semaphores")] * 3)
+    assert [str(fault) for fault in found] == ["no semaphores"] * 3
+    path, future = write_case(tmp_path), Future()
+    future.set_exception(found[0])
+    (fault,) = _outcome(future, load_case(path)).faults
+    assert fault.startswith(f"{path}: its worker was lost or could not be begun")
+    assert fault.endswith("try it alone with --jobs 1 (OSError: no semaphores)")
+
+
+def test_a_call_whose_process_is_lost_gets_a_second_one_and_no_third(answers):
+    assert answers(1, ["a", KILLED], ["b", "c"]) == ["a", "b", "c"]
+    assert answers(1, [KILLED], [KILLED], ["b", "c"]) == [KILLED, "b", "c"]

@@ -1,8 +1,6 @@
 """Units: exact values in SI, dimensions that are checked, and the units that a force law demands."""
 
 import math
-import subprocess
-import sys
 from fractions import Fraction
 
 import pint
@@ -15,7 +13,7 @@ from rsgen.formula import unit_text
 from rsgen.formula.reading import parse
 from rsgen.formula.unit_deduction import parameter_units, unit_faults
 from rsgen.formula.unit_text import Dimension, read_unit
-from rsgen.formula.units import quantity, sensor_factor, sensor_unit, unit_of
+from rsgen.formula.units import quantity, sensor_factor, sensor_unit
 
 LAST_DIGITS = 4e-16  # of a double: two roundings
 
@@ -56,7 +54,7 @@ def test_a_quantity_is_its_si_value(text, unit, value):
     ("2*3 N", "N", "is not a unit"), ("1 + 1 N", "N", "is not a unit"),
     ("1 N**9**9", "N", "is not a unit"), ("1 N^(1/0)", None, "no number as a power"),
     ("1 N^21", None, "a power above 20"), ("1 ((((((((N))))))))", "N", "too many parentheses"),
-    ("1 ((((%^20)^20)^20)^20)", None, "out of range"), ("1 (kN^20)^0.5^20", None, "a power above 20"),
+    ("1 ((((%^20)^20)^20)^20)", None, "out of range"),
     ("__import__('os').system('true') N", "N", "is not a number with a unit"),
     ("1 __import__('os')", "N", "is not a unit"), ("1e400 N", "N", "out of range"),
     ("1e-400 N", "N", "out of range"), ("1" * 500 + " N", "N", "has 502 characters"),
@@ -70,13 +68,7 @@ def test_a_wrong_quantity_is_refused_in_a_sentence(value, unit, said):
         quantity(value, unit)
     message = str(caught.value)
     assert said in message
-    assert message.isascii()
-    assert message.isprintable()
-
-
-def test_the_unit_of_a_value():
-    assert unit_of("5.92 kN/m") == "kN/m"
-    assert unit_of(5.92) is None
+    assert (message.isascii(), message.isprintable()) == (True, True)
 
 
 PIECES = (
@@ -91,12 +83,10 @@ PIECES = (
 def test_whatever_the_text_only_an_rsgen_error_comes_out(text):
     for value in (text, f"1 {text}"):
         try:
-            found = quantity(value)
+            assert math.isfinite(quantity(value))
         except RsgenError as error:
             said = str(error)
             assert said.isprintable()
-        else:
-            assert math.isfinite(found)
 
 
 POWERS = st.dictionaries(
@@ -115,24 +105,17 @@ def test_dimensions_form_a_group(first, second):
 
 @pytest.mark.parametrize(("law", "units"), [
     ("c1*v + k1*x + kn1*x**3", {"c1": "N*s/m", "k1": "N/m", "kn1": "N/m^3"}),
-    ("c2*v + k2*x + kn2*x**5", {"c2": "N*s/m", "k2": "N/m", "kn2": "N/m^5"}),
     ("c3*v + k3*x + Ff*sign(v)", {"c3": "N*s/m", "k3": "N/m", "Ff": "N"}),
-    (
-        "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
-        {"k4": "N/m", "k5": "N/m", "b": "m"},
-    ),
-    ("Piecewise((k6*x, x > 0), (k7*x, True))", {"k6": "N/m", "k7": "N/m"}),
+    ("Piecewise((k4*x, abs(x) <= b), (k5*x + k4*b*sign(x), True))", {"k4": "N/m", "k5": "N/m", "b": "m"}),
     # numbers before x are values with a unit where the rest asks for one
     ("k*x + masing(Min(1500*x, F1))", {"k": "N/m", "F1": "N"}), ("Max(-Fm, Min(20*x, Fm))", {"Fm": "N"}),
     ("masing(Piecewise((1500*x - (1500*x)**2/(4*Fs), 1500*x < 2*Fs), (Fs, True)))", {"Fs": "N"}),
     ("k*Max(0, 2*x - b)", {"k": "N/m", "b": "m"}), ("A*tanh(1000*v/w)", {"A": "N", "w": "m/s"}),
     ("cn6*v*abs(v) + kn8*x**3", {"cn6": "N*s^2/m^2", "kn8": "N/m^3"}),
-    ("c*sign(v)*abs(v)**0.5", {"c": "N*s^0.5/m^0.5"}), ("k*x*abs(x)**(1/3)", {"k": "N/m^(4/3)"}),
     ("Ff*tanh(v/v0)", {"Ff": "N", "v0": "m/s"}),
     ("(Fs + (Fc - Fs)*exp(-(v/vs)**2))*sign(v)", {"Fs": "N", "Fc": "N", "vs": "m/s"}),
     ("k*Max(x - b, 0)", {"k": "N/m", "b": "m"}), ("k*Min(Max(x, -b), b)", {"k": "N/m", "b": "m"}),
     ("k*x*Heaviside(x - b)", {"k": "N/m", "b": "m"}), ("mu*(x**2 - a)*v", {"mu": "N*s/m^3", "a": "m^2"}),
-    ("k*x*(1 + x/b)", {"k": "N/m", "b": "m"}), ("k*(x - 0.001)", {"k": "N/m"}),
     ("7.244e5*x + k*x**3", {"k": "N/m^3"}), ("F0*sin(q*x)", {"F0": "N", "q": "1/m"}),
     ("c*abs(v/v0)**p*sign(v)", {"c": "N", "v0": "m/s", "p": "1"}),
     ("c*abs(v)**p*sign(v)", {"c": "", "p": "1"}), ("a*b*x", {"a": "", "b": ""}), ("P", {"P": "N"}),
@@ -146,19 +129,11 @@ def test_units_follow_from_the_law(law, units):
     ("kn1*x**3", {"kn1": "N/m^2"}, ("kn1*x**3 is in N*m, a force is needed: kn1 must be in N/m^3",)),
     ("k*x", {"k": "kN/mm"}, ()), ("masing(Min(1500*x, F1))", {"F1": "kN"}, ()),
     ("masing(Min(1500*x, F1))", {"F1": "mm"}, ("masing(Min(F1, 1500*x)) is in m, a force is needed",)),
-    (
-        "k*x + c*v",
-        {"k": "N", "c": "N*m"},
-        (
-            "c*v is in N*m^2/s, a force is needed: c must be in N*s/m",
-            "k*x is in N*m, a force is needed: k must be in N/m",
-        ),
-    ),
+    ("k*x + c*v", {"k": "N", "c": "N*m"}, (
+        "c*v is in N*m^2/s, a force is needed: c must be in N*s/m",
+        "k*x is in N*m, a force is needed: k must be in N/m",
+    )),
     ("F0*tanh(v/v0)", {"v0": "m"}, ("v/v0 is in 1/s, a plain number is needed in tanh: v0 must be in m/s",)),
-    (
-        "k*abs(x)**1.5", {"k": "N/m"},
-        ("k*Abs(x)**(3/2) is in N*m^0.5, a force is needed: k must be in N/m^1.5",),
-    ),
 ])  # fmt: skip
 def test_declared_units_are_checked_term_by_term(law, units, faults):
     assert unit_faults(parse(law), units) == faults
@@ -183,13 +158,6 @@ def test_a_power_law_has_the_unit_that_makes_it_a_force(i, j, q):
     units = parameter_units(parse(f"a*x**{i}*v**{j}*abs(x)**({q})"))
     dimension = read_unit(units["a"]).dimension * read_unit("m").dimension ** (i + q)
     assert dimension * read_unit("m/s").dimension ** j == read_unit("N").dimension
-
-
-def test_pint_is_loaded_only_where_a_rare_unit_is_read():
-    script = "import sys; from rsgen.formula import units; units.quantity('5 kN/mm^3', None)"
-    script += "; print('pint' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
 
 
 @pytest.mark.parametrize(("text", "unit", "target", "value"), [
