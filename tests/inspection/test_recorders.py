@@ -38,8 +38,8 @@ def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path):
     tables, _surface, _doubts = read_draft(path)
     assert tables["time"] == {"rate": "256 Hz"}
     assert tables["force"] == {"samples": "Signal_1/y_values/values", "unit": "N"}
-    assert tables["channels"]["wing1_z"]["samples"] == "Signal_2/y_values/values"
-    assert tables["channels"]["wing1_z"]["unit"] == "g"
+    first = {"samples": "Signal_2/y_values/values", "unit": "g"}
+    assert first.items() <= tables["channels"]["wing1_z"].items()
 
 
 def test_channels_without_names_are_not_guessed_silently(tmp_path):
@@ -57,9 +57,8 @@ def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[s
         pyuff.prepare_58(
             func_type=4, rsp_node=node, rsp_dir=direction, ref_node=7 * bool(node), ref_dir=3 * bool(node),
             rsp_ent_name="WING" if node else "NONE", ref_ent_name="WING" if node else "NONE",
-            data=-(OMEGA**2) * share * RECEPTANCE, x=FREQUENCY, binary=0, id1=title,
-            z_axis_value=0.0, abscissa_spacing=1,
-            abscissa_min=7.0, abscissa_inc=0.25, num_pts=25, ord_data_type=6,
+            data=-(OMEGA**2) * share * RECEPTANCE, x=FREQUENCY, binary=0, id1=title, z_axis_value=0.0,
+            abscissa_spacing=1, abscissa_min=7.0, abscissa_inc=0.25, num_pts=25, ord_data_type=6,
             ordinate_spec_data_type=12, orddenom_spec_data_type=13, abscissa_spec_data_type=18,
         )
         for (node, direction, share), title in zip(points, titles or "a" * len(points), strict=True)

@@ -6,44 +6,32 @@ import pytest
 from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.cases.loading import load_case, read
 from rsgen.common.errors import CaseError, MeasurementError
-from rsgen.files.inspection.listing import list_contents
-from rsgen.files.inspection.proposal import propose
-from tests.inspection.drafts import FREQUENCY, RECEPTANCE, is_receptance
+from tests.inspection.drafts import FREQUENCY, RECEPTANCE, drafted, is_receptance
 
 VOLTS = {0.25: 1.0, 0.5: 1.8, 1.0: 3.2, 1.4: 4.4}
 """Forces [N] by the volts of the drive."""
 TITLES = ("Frequency [Hz]", "Force [N]", "Displacement [m]", "Phase [deg]")
 
 
-def write_book(path):
+@pytest.fixture(scope="module")
+def book(tmp_path_factory):
+    """Write a workbook; return it and the tables of its draft without questions."""
     openpyxl = pytest.importorskip("openpyxl", reason="no openpyxl here: install rsgen[xlsx]")
     book = openpyxl.Workbook()
     book.remove(book.active)
     for volts, force in VOLTS.items():
         sheet = book.create_sheet(f"{volts:g} V")
         # stepped downwards
-        motion = force * RECEPTANCE[::-1]
-        columns = (
-            FREQUENCY[::-1],
-            np.full(len(FREQUENCY), force),
-            np.abs(motion),
-            np.angle(motion, deg=True),
-        )
+        motion, forces = force * RECEPTANCE[::-1], np.full(len(FREQUENCY), force)
+        columns = (FREQUENCY[::-1], forces, np.abs(motion), np.angle(motion, deg=True))
         for row in (TITLES, *np.transpose(columns).tolist()):
             sheet.append(list(row))
-    aside = book.create_sheet("Background")
-    aside.append(["Frequency [Hz]", "Noise [V]"])
-    aside.append([1.0, 2.0])
-    aside.append([2.0, 3.0])
-    book.save(path)
-
-
-@pytest.fixture(scope="module")
-def book(tmp_path_factory):
-    """Write a workbook; return it and the tables of its draft without questions."""
+    background = book.create_sheet("Background")
+    for row in (["Frequency [Hz]", "Noise [V]"], [1.0, 2.0], [2.0, 3.0]):
+        background.append(row)
     path = tmp_path_factory.mktemp("book") / "book.xlsx"
-    write_book(path)
-    tables = proposal_text(propose(list_contents(path)))
+    book.save(path)
+    tables = proposal_text(drafted(path))
     confirmed = "\n".join(line.partition(" # TODO")[0] for line in tables.split("\n"))
     law = '[[element]]\nname = "all"\nforce = "k*x + c*v"\n'
     return path, f'schema = 1\nname = "book"\ntitle = "book"\n{law}{confirmed}\n'
@@ -75,7 +63,6 @@ def codes(case, code):
 
 
 def test_sheets_with_the_same_titles_are_levels_called_by_their_names(draft, run_cli):
-    """The first was drafted alone, and neither draft nor check said that three sheets were not read."""
     case = draft(more=HELD)
     surface = read(load_case(case))
     assert np.unique(surface.label).tolist() == [*VOLTS]
@@ -128,7 +115,6 @@ def test_volts_that_nothing_calls_a_level_lead_to_labels(draft):
     ("[4, 3, 2, 1]", []),
 ])  # fmt: skip
 def test_labels_in_another_order_than_sheets_or_forces_are_a_doubt(draft, values, sentences):
-    """With the labels of four sheets in reverse order another level was held out than was asked for."""
     case = draft((LEVEL, f"values = {values}"))
     found = codes(case, "levels-swapped")
     falls = ["they fall as the labels rise" in str(one) for one in codes(case, "levels-disagree")]
@@ -145,9 +131,6 @@ def test_rows_that_descend_were_hardly_swept_up(draft, direction, count):
 
 
 def test_the_force_of_one_sheet_beside_responses_of_all_is_refused(draft):
-    """A run blamed the law."""
     case = draft(('"* V/Force [N]"', '"0.25 V/Force [N]"'))
-    with pytest.raises(
-        CaseError, match=r"test.force: '0.25 V/Force \[N\]' is of one sheet, others are of all"
-    ):
+    with pytest.raises(CaseError, match=r"test.force: '0.25 V/Force \[N\]' is of one sheet, others are"):
         load_case(case)
