@@ -8,41 +8,30 @@ import pytest
 from rsgen import Finding, ResponseSurface, sentence
 from rsgen.common.errors import MeasurementError
 from rsgen.files.files_to_surface import passivity_findings, read_measurement
-from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest, SweepRule
+from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
+from tests.measurement.tables import read_planned, write_columns
 from tests.surfaces import severities
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
 FREQUENCY = np.linspace(8, 12, 41)
 OMEGA = 2 * np.pi * FREQUENCY
-RECEPTANCE = np.abs(1 / (5920 - 1.5 * OMEGA**2 + 7.5j * OMEGA))
 
 
-def write(path: Path, force: float, response: np.ndarray, frequency: np.ndarray = FREQUENCY) -> Path:
-    rows = (f"{f:.6g},{force:.9g},{x:.9g}\n" for f, x in zip(frequency, response, strict=True))
-    path.write_text("f,F,x\n" + "".join(rows), encoding="utf-8")
-    return path
+NOISY = np.abs(1 / (5920 - 1.5 * OMEGA**2 + 7.5j * OMEGA)) * (
+    1 + 1e-3 * np.random.default_rng(1).standard_normal(41)
+)
+NEWTON = Channel(amplitude=2, unit="N")
 
 
-def read(*paths: Path, sweep: SweepRule = SweepRule()) -> ResponseSurface:  # noqa: B008 - immutable
-    signals = Channel(amplitude="F", unit="N"), Channel(amplitude="x", unit="m")
-    return read_measurement(
-        MeasuredTest(
-            paths, "f", *signals, "displacement", phase_known=False, sweep=sweep, frequency_unit="Hz"
-        )
-    )
+def read(*paths: Path) -> ResponseSurface:
+    return read_planned(paths, 1, NEWTON, Channel(amplitude=3, unit="m"), frequency_unit="Hz")
 
 
-@pytest.fixture
-def noisy():
-    return RECEPTANCE * (1 + 1e-3 * np.random.default_rng(1).standard_normal(41))
-
-
-def test_a_copy_in_place_of_another_run_is_doubted(tmp_path, noisy):
-    first = write(tmp_path / "a.csv", 1.0, noisy)
-    copy = write(tmp_path / "b.csv", 2.0, noisy)
-    surface = read(first, copy, write(tmp_path / "c.csv", 5.0, 5 * noisy))
+def test_a_copy_in_place_of_another_run_is_doubted(tmp_path):
+    columns = {"a": (1.0, NOISY), "b": (2.0, NOISY), "c": (5.0, 5 * NOISY)}
+    surface = read(*(write_columns(tmp_path / f"{n}.csv", "", FREQUENCY, *c) for n, c in columns.items()))
     assert severities(surface) == {"run-repeated": "doubt"}
     assert surface.findings[0].names == {"first": "a.csv", "second": "b.csv"}
 
@@ -70,19 +59,14 @@ def test_a_record_copied_over_another_is_doubted(tmp_path):
 def test_two_records_of_one_level_are_its_runs_if_their_forces_are_alike(tmp_path):
     assert severities(steps(tmp_path, (1.0, 3.0, 3.0), (1.0, 3.0, 3.6))) == {}
     (found,) = steps(tmp_path, (1.0, 3.0, 3.0), (1.0, 3.0, 6.0)).findings
-    assert sentence(found).startswith(
-        "1.npz and 2.npz have one level, 3 N, but were driven with 3 N and 5.99 N"
-    )
+    said = "1.npz and 2.npz have one level, 3 N, but were driven with 3 N and 5.99 N"
+    assert sentence(found).startswith(said)
 
 
-def test_a_file_stands_once_in_a_plan(tmp_path, noisy):
-    path = write(tmp_path / "a.csv", 1.0, noisy)
+def test_rows_written_twice_count_once_and_a_file_stands_once_in_a_plan(tmp_path):
+    path = write_columns(tmp_path / "a.csv", "", np.repeat(FREQUENCY, 2), 1.0, np.repeat(NOISY, 2))
     with pytest.raises(MeasurementError, match=r"'a\.csv' stands twice"):
         read(path, path)
-
-
-def test_rows_written_twice_count_once(tmp_path, noisy):
-    path = write(tmp_path / "a.csv", 1.0, np.repeat(noisy, 2), np.repeat(FREQUENCY, 2))
     surface = read(path)
     assert len(surface) == 41
     assert severities(surface) == {"rows-left-out": "warning"}
@@ -100,17 +84,12 @@ def receptance(frequency: np.ndarray) -> np.ndarray:
 
 def findings(folder: Path, response: np.ndarray, *, lag: bool = False, known: bool = True, order: int = 0):
     """Read a table of receptances, mobilities or accelerances: of that order."""
-    path = folder / "a.csv"
     size, turn = np.abs(response) * (2 * np.pi * BAND) ** order, np.degrees(np.angle(response))
-    np.savetxt(path, np.column_stack((BAND, np.ones_like(BAND), size, turn)), delimiter=",")
+    path = write_columns(folder / "a.csv", "", BAND, 1.0, size, turn)
     sense, unit = "lag" if lag else "lead", ("m", "m/s", "m/s^2")[order]
     signal = Channel(amplitude=3, phase=4 if known else None, phase_sense=sense, unit=unit)
-    quantity = ("displacement", "velocity", "acceleration")[order]
-    return read_measurement(
-        MeasuredTest(
-            path, 1, Channel(amplitude=2, unit="N"), signal, quantity, phase_known=known, frequency_unit="Hz"
-        )
-    ).findings
+    more = {"quantity": ("displacement", "velocity", "acceleration")[order], "frequency_unit": "Hz"}
+    return read_planned(path, 1, NEWTON, signal, phase_known=known, **more).findings
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])

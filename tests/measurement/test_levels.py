@@ -18,6 +18,7 @@ from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.report.sentences import next_step
+from tests.measurement.tables import planned, read_planned, write_columns
 from tests.surfaces import severities
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -33,68 +34,42 @@ def force_at(size: Any, frequency: Any) -> Any:
     return size * (STIFFNESS + 0.75 * CUBIC * size**2 - MASS * omega**2 + 1j * omega * DAMPING)
 
 
-def held_runs(path: Path, **more: Any) -> Path:
-    """Write eight runs of which each held the amplitude, as structs; ``more`` are columns a run."""
-    run = np.empty((1, len(HELD)), dtype=[(name, "O") for name in ("f", "F", "X", *more)])
-    for place, size in enumerate(HELD):
-        run[0, place]["f"], run[0, place]["F"] = FREQUENCY, force_at(size, FREQUENCY)
-        run[0, place]["X"] = size * np.exp(1e-3j * np.arange(41))
-        for name, values in more.items():
-            run[0, place][name] = float(values[place])
-    scipy.io.savemat(path, {"run": run})
-    return path
-
-
-def of_runs(path: Path, **more: Any) -> MeasuredTest:
-    force = Channel(complex="run/*/F", phase_sense="lead", unit="N")
-    response = Channel(complex="run/*/X", unit="m")
-    return MeasuredTest(path, "run/*/f", force, response, "displacement", frequency_unit="Hz", **more)
-
-
 def of_files(tmp_path: Path, forces: dict[str, Any], sizes: dict[str, float] | None = None, **more: Any):
     """Write a file a run, force and amplitude over frequency (F/1e4 unless given), and plan to read them."""
     for name, force in forces.items():
         size = sizes[name] if sizes else np.abs(force) / 1e4
-        rows = np.column_stack(np.broadcast_arrays(FREQUENCY, force, size))
-        np.savetxt(tmp_path / name, rows, "%.9g", delimiter=",", header="f,F,X", comments="")
+        write_columns(tmp_path / name, "f,F,X", FREQUENCY, force, size)
     signals = Channel(amplitude="F", unit="N"), Channel(amplitude="X", unit="m")
-    more["frequency_unit"] = "Hz"
-    paths = tuple(tmp_path / name for name in forces)
-    return MeasuredTest(paths, "f", *signals, "displacement", phase_known=False, **more)
+    return planned(tuple(tmp_path / name for name in forces), "f", *signals, frequency_unit="Hz", **more)
 
 
 @pytest.mark.slow
 def test_each_entry_is_a_level(tmp_path):
     """Eight runs at held amplitudes were grouped by like force into 25 levels."""
-    path = held_runs(tmp_path / "a.mat")
-    surface = read_measurement(of_runs(path, control="response"))
+    run = np.empty((1, len(HELD)), dtype=[(name, "O") for name in ("f", "F", "X")])
+    for place, size in enumerate(HELD):
+        run[0, place] = FREQUENCY, force_at(size, FREQUENCY), size * np.exp(1e-3j * np.arange(41))
+    scipy.io.savemat(tmp_path / "a.mat", {"run": run})
+    force = Channel(complex="run/*/F", phase_sense="lead", unit="N")
+    signals = force, Channel(complex="run/*/X", unit="m")
+    of_runs = MeasuredTest(tmp_path / "a.mat", "run/*/f", *signals, "displacement", frequency_unit="Hz")
+    surface = read_measurement(replace(of_runs, control="response"))
     assert surface.control == "response"
     np.testing.assert_allclose(surface.levels, HELD, rtol=5e-3)
     assert [int(np.count_nonzero(surface.level == level)) for level in surface.levels] == [41] * 8
     assert severities(surface) == {}
-    assert len(read_measurement(of_runs(path)).levels) == 8
-    assert len(read_measurement(of_runs(path, level=LevelRule(spread=0.05))).levels) == 14
+    assert len(read_measurement(of_runs).levels) == 8
+    assert len(read_measurement(replace(of_runs, level=LevelRule(spread=0.05))).levels) == 14
 
 
 def test_sweeps_of_one_force_share_a_level(tmp_path):
-    """Up and down of one force were two levels, and run_0p05g came after run_0p1g."""
     arrays = {}
     for name, force in (("0p05g_up", 0.05), ("0p05g_down", 0.0502), ("0p1g_up", 0.0999), ("0p1g_down", 0.1)):
         table = np.column_stack([FREQUENCY, np.full(41, force), np.full(41, force / 10)])
         arrays[f"run_{name}"] = table[:: -1 if "down" in name else 1]
     scipy.io.savemat(tmp_path / "a.mat", arrays)
-    force, response = (
-        Channel(amplitude=f"run_*[{column}]", unit=unit) for column, unit in ((2, "N"), (3, "m"))
-    )
-    plan = MeasuredTest(
-        tmp_path / "a.mat",
-        "run_*[1]",
-        force,
-        response,
-        "displacement",
-        phase_known=False,
-        frequency_unit="Hz",
-    )
+    signals = Channel(amplitude="run_*[2]", unit="N"), Channel(amplitude="run_*[3]", unit="m")
+    plan = planned(tmp_path / "a.mat", "run_*[1]", *signals, frequency_unit="Hz")
     surface = read_measurement(plan)
     np.testing.assert_allclose(surface.levels, [0.0501, 0.09995], rtol=1e-9)
     given = read_measurement(replace(plan, level=LevelRule(values=(0.05, 0.05, 0.1, 0.1))))
@@ -102,6 +77,7 @@ def test_sweeps_of_one_force_share_a_level(tmp_path):
     assert not severities(given)
 
 
+DOUBT, INFO = {"levels-disagree": "doubt"}, {"levels-disagree": "info"}
 DIP = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
 STEPS = np.where(np.abs(FREQUENCY - 10) < 0.5, 0.7, 1.0)
 HALF = {"2N.csv": 1.01, "6N.csv": 3.03}
@@ -112,18 +88,15 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
 
 @pytest.mark.parametrize(("forces", "rule", "levels", "said"), [
     # labels are called by what was measured: "Level4" stood for 4 N where the force was 58 N
-    (LABELS, {"name": "Level{level}.csv"}, AS_MEASURED, {"levels-disagree": "info"}),
-    (LABELS, {"values": (1, 3, 4)}, AS_MEASURED, {"levels-disagree": "doubt"}),
-    (LABELS, {"values": (1, 3, 4), "unit": "label"}, AS_MEASURED, {"levels-disagree": "info"}),
+    (LABELS, {"name": "Level{level}.csv"}, AS_MEASURED, INFO),
+    (LABELS, {"values": (1, 3, 4)}, AS_MEASURED, DOUBT),
+    (LABELS, {"values": (1, 3, 4), "unit": "label"}, AS_MEASURED, INFO),
     # nominal levels stay where the force falls at the resonance, and so does the level of a run
     ({"2N.csv": 2 * DIP, "5N.csv": 5 * DIP}, {"name": "{level}N.csv"}, [2, 5], {}),
     ({"a.csv": 2 * STEPS, "b.csv": 5 * STEPS}, {}, [2, 5], {}),
     # a unit behind the number in a name is that of the level; a length is no force
     ({"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}, {"name": "a_{level}mN.csv"}, [0.3, 0.5], {}),
-    (
-        {"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}, {"name": "gap_{level}mm.csv"}, [30.0, 50.0],
-        {"levels-disagree": "info"},
-    ),
+    ({"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}, {"name": "gap_{level}mm.csv"}, [30.0, 50.0], INFO),
     (
         {"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}, {"values": (1.0, 1.5, 2.0)}, [1.0, 1.5, 2.0],
         {"levels-swapped": "doubt"},
@@ -135,38 +108,23 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     ),
     ({"2 a.csv": 2.0, "12 b.csv": 12.0}, {"name": "{level}*.csv"}, [2, 12], {}),
     # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
-    (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], {"levels-disagree": "doubt"}),
-    (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], {"levels-disagree": "info"}),
-    (GRAVITY, {"name": "{level}N.csv"}, [9.81, 29.4], {"levels-disagree": "doubt"}),
-    ({"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03], {"levels-disagree": "info"}),
+    (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], DOUBT),
+    (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], INFO),
+    (GRAVITY, {"name": "{level}N.csv"}, [9.81, 29.4], DOUBT),
+    ({"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03], INFO),
     # whole numbers may count runs, the highest first; with a unit they are amounts
-    (
-        {"r1.csv": 4, "r2.csv": 3, "r3.csv": 2}, {"name": "r{level}.csv", "unit": "label"}, [2, 3, 4],
-        {"levels-disagree": "info"},
-    ),
-    (
-        {"1_A.csv": 4, "2_A.csv": 3, "3_A.csv": 2}, {"name": "{level}_A.csv", "unit": "label"}, [2, 3, 4],
-        {"levels-disagree": "info"},
-    ),
+    ({"r1.csv": 4, "r2.csv": 3, "r3.csv": 2}, {"name": "r{level}.csv", "unit": "label"}, [2, 3, 4], INFO),
+    ({"1_A.csv": 4, "2_A.csv": 3, "3_A.csv": 2}, {"name": "{level}_A.csv", "unit": "label"}, [2, 3, 4], INFO),
     (
         {"1V.csv": 4, "2V.csv": 3, "3V.csv": 2}, {"name": "{level}V.csv", "unit": "label"}, [2, 3, 4],
         {"levels-disagree": "info", "levels-swapped": "doubt"},
     ),
     # nominal levels 1.7 and 2 times off the force of their files
-    (
-        {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5}, {"values": (1, 3, 6)}, [1, 3, 3.5],
-        {"levels-disagree": "doubt"},
-    ),
-    (
-        {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 10.0}, {"values": (1, 3, 5)}, [1, 3, 10],
-        {"levels-disagree": "doubt"},
-    ),
-    (
-        {"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0}, {"values": (1, 3, 3)}, [1, 3],
-        {"levels-disagree": "doubt"},
-    ),
+    ({"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5}, {"values": (1, 3, 6)}, [1, 3, 3.5], DOUBT),
+    ({"a.csv": 1.0, "b.csv": 3.0, "c.csv": 10.0}, {"values": (1, 3, 5)}, [1, 3, 10], DOUBT),
+    ({"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0}, {"values": (1, 3, 3)}, [1, 3], DOUBT),
     (ALIKE, {"name": "{level}.csv"}, [1, 3, 9], {"levels-of-one-force": "doubt"}),
-    (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], {"levels-disagree": "info"}),
+    (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], INFO),
 ])  # fmt: skip
 def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
@@ -185,15 +143,12 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
 
 
 def test_levels_in_another_order_than_the_files_are_those_that_were_measured(tmp_path):
-    """A right mass and units were blamed, and hold_out = [20] silently held out the run of 35 N."""
     forces = {"10N.csv": 10.0, "20N.csv": 20.0, "35N.csv": 35.0, "4N.csv": 4.0}
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(4, 10, 20, 35))))
     np.testing.assert_allclose(np.unique(np.abs(surface.force[surface.held_out([20])])), 20)
     (said,) = surface.findings
     assert said.code == "levels-swapped"
-    assert "said to be 4, 10, 20, 35 N, but in this order 10 N, 20 N, 35 N, 4 N were measured" in sentence(
-        said
-    )
+    assert "4, 10, 20, 35 N, but in this order 10 N, 20 N, 35 N, 4 N were measured" in sentence(said)
 
 
 @pytest.mark.parametrize("name", ["rep*{level}N.csv", "rep*1.{level}N.csv"])
@@ -209,7 +164,6 @@ def test_a_force_that_was_held_is_no_held_response(tmp_path):
 
 
 def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path):
-    """Without levels in the plan, files were levels of 0 m and 1 m by their number."""
     sizes = {"a.csv": 1e-3, "b.csv": 2e-3}
     test = of_files(tmp_path, dict.fromkeys(sizes, 3 + np.sin(FREQUENCY)), sizes, control="response")
     np.testing.assert_allclose(read_measurement(test).levels, [1e-3, 2e-3], rtol=1e-12)
@@ -221,13 +175,8 @@ def test_unstable_points_of_a_continuation_are_marked(tmp_path):
     # amplitudes differ a little from one frequency to the next
     size = np.tile(np.linspace(1e-3, 4e-2, 24), 6) * (1 + 0.02 * np.sin(1.7 * np.arange(144)))
     force = np.abs(force_at(size, frequency))
-    table = np.column_stack([frequency, force, size])
-    np.savetxt(tmp_path / "a.csv", table, "%.9g", delimiter=",", header="f,F,X", comments="")
-    signals = Channel(amplitude="F"), Channel(amplitude="X")
-    plan = MeasuredTest(
-        tmp_path / "a.csv", "f", *signals, "displacement", phase_known=False, control="continuation"
-    )
-    surface = read_measurement(plan)
+    path = write_columns(tmp_path / "a.csv", "f,F,X", frequency, force, size)
+    surface = read_planned(path, "f", "F", "X", control="continuation")
     assert (surface.control, surface.level_unit) == ("continuation", "m")
     stable = np.abs(force_at(1.001 * size, frequency)) > force
     assert np.count_nonzero(~stable) > 12
@@ -236,17 +185,11 @@ def test_unstable_points_of_a_continuation_are_marked(tmp_path):
     assert np.count_nonzero(~surface.stable & ~stable) > 0.8 * np.count_nonzero(~stable)
 
 
-LABELLED = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}
-
-
-@pytest.mark.parametrize(
-    ("asked", "held"),
-    [(1, 2.0), (2, 4.0), (3, 6.0), (6, 6.0)],  # 2 is a label, and the amount of another level
-)
+# 2 is a label, and the amount of another level
+@pytest.mark.parametrize(("asked", "held"), [(1, 2.0), (2, 4.0), (3, 6.0), (6, 6.0)])
 def test_a_level_is_held_out_by_its_label(tmp_path, asked, held):
-    """Of labels 1, 2, 3 at 2, 4, 6 N the number 2 is the label, 4 N; it once held out 2 N."""
-    rule = LevelRule(name="{level}.csv", unit="label")
-    saved = read_measurement(of_files(tmp_path, LABELLED, level=rule))
+    forces, rule = {"1.csv": 2.0, "2.csv": 4.0, "3.csv": 6.0}, LevelRule(name="{level}.csv", unit="label")
+    saved = read_measurement(of_files(tmp_path, forces, level=rule))
     save_surface(tmp_path / "surface.h5", saved)
     for surface in (saved, load_surface(tmp_path / "surface.h5"), saved.select(np.arange(len(saved))[::-1])):
         assert np.unique(surface.level[surface.held_out((asked,))]).tolist() == [held]
@@ -274,14 +217,9 @@ def test_records_are_held_out_by_their_labels():
 
 
 def test_levels_in_the_volts_of_a_drive_are_told_to_be_labels():
-    """The load cell is calibrated: "calibrated = false" was proposed."""
-    with pytest.raises(
-        MeasurementError, match=r"level.unit: 'V' .* needed; unit = \"label\" where the levels are"
-    ):
-        MeasuredTest(
-            Path("1V.csv"), 1, Channel(amplitude=2), Channel(amplitude=3), "displacement",
-            phase_known=False, level=LevelRule(name="{level}V.csv", unit="V"),
-        )  # fmt: skip
+    said = r"level.unit: 'V' .* needed; unit = \"label\" where the levels are"
+    with pytest.raises(MeasurementError, match=said):
+        planned(Path("1V.csv"), level=LevelRule(name="{level}V.csv", unit="V"))
 
 
 def test_levels_of_a_sweep_that_a_mass_corrected_are_not_said_to_be_measured():
@@ -293,9 +231,8 @@ def test_levels_of_a_sweep_that_a_mass_corrected_are_not_said_to_be_measured():
 
 
 def test_labels_cannot_stand_for_a_force():
-    rule = LevelRule(values=(1, 3), unit="label")
     with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):
-        MeasuredTest((Path("a"), Path("b")), 1, None, Channel(amplitude=2), "displacement", level=rule)
+        planned((Path("a"), Path("b")), force=None, level=LevelRule(values=(1, 3), unit="label"))
 
 
 @pytest.mark.parametrize(("levels", "asked", "meant"), [

@@ -8,27 +8,21 @@ import numpy as np
 import pytest
 import scipy.io
 
-from rsgen import load_case, sentence
+from rsgen import Finding, read, sentence
 from rsgen.common.errors import MeasurementError
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
-from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.histories import _record, read_motions
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.report.sentences import next_step
+from tests.measurement.tables import write_columns
 
 pytestmark = pytest.mark.usefixtures("read_here")
 
-ROOT = Path(__file__).parents[2]
-FORMATS = ROOT / "cases" / "formats"
+FORMATS = Path(__file__).parents[2] / "cases" / "formats"
 # single precision in the files; the method itself is accurate to better than this
 SINGLE = 1e-3
-
-
-def read_histories(test: MeasuredTest) -> list[TimeHistory]:
-    """Read the histories of the response."""
-    return read_motions(test)[0]
 
 
 def swept(**keys: Any) -> HistoryRule:
@@ -42,6 +36,15 @@ def history(*files: Path, force: Any = "F", response: Any = "a", **keys: Any) ->
     return MeasuredTest(files, None, *signals, **known | keys)
 
 
+def read_record(*files: Path, **keys: Any) -> TimeHistory:
+    """Return the last history of what ``history`` of the same arguments plans."""
+    return read_motions(history(*files, **keys))[0][-1]
+
+
+def contradictions(record: TimeHistory) -> list[Finding]:
+    return [finding for finding in record.findings if finding.code != "unit-of-file"]
+
+
 N = 64
 T = np.arange(N) / 50.0
 FORCE = np.sin(T)
@@ -50,8 +53,7 @@ ACCELERATION = np.array([np.cos(T), np.cos(2 * T), np.cos(3 * T)])
 
 def write(path: Path) -> Path:
     if path.suffix == ".csv":
-        rows = [f"{t:.3f},{f:.17g},{a:.17g}" for t, f, a in zip(T, FORCE, ACCELERATION[1], strict=True)]
-        path.write_text("\n".join(["t,F,a", *rows]) + "\n", encoding="utf-8")
+        write_columns(path, "t,F,a", T, FORCE, ACCELERATION[1])
     elif path.suffix == ".mat":
         scipy.io.savemat(path, {"F": FORCE[None], "a": ACCELERATION, "fs": 50.0, "t": T[:, None]})
     else:
@@ -67,37 +69,31 @@ def test_histories_come_as_written(tmp_path, ending):
     rules = [swept(time="t"), swept(rate=50.0), *([swept(rate_column="fs")] if ending != ".csv" else [])]
     response = Channel(samples=channel, factor=9.80665)
     for rule in rules:
-        (got,) = read_histories(history(path, history=rule, response=response, level=LevelRule(2.0)))
-        assert got.rate == pytest.approx(50, rel=1e-12)
-        assert got.level == 2
+        got = read_record(path, history=rule, response=response, level=LevelRule(2.0))
+        assert (got.rate, got.level) == (pytest.approx(50, rel=1e-12), 2)
         np.testing.assert_array_equal(got.force, FORCE)
         np.testing.assert_allclose(got.response, ACCELERATION[1] * 9.80665, rtol=1e-15)
 
 
 def test_instants_in_milliseconds_begin_where_they_say(tmp_path):
-    path = tmp_path / "a.csv"
-    rows = [f"{2500 + 20 * i},{f:.17g},{a:.17g}" for i, (f, a) in enumerate(zip(FORCE, FORCE, strict=True))]
-    path.write_text("\n".join(["t,F,a", *rows]) + "\n", encoding="utf-8")
-    whole, part = (
-        read_histories(history(path, history=swept(time="t", unit="ms", start=start)))[0]
-        for start in (None, 2.6)
-    )
+    path = write_columns(tmp_path / "a.csv", "t,F,a", 2500 + 20 * np.arange(N), FORCE, FORCE)
+    rules = (swept(time="t", unit="ms", start=start) for start in (None, 2.6))
+    whole, part = (read_record(path, history=rule) for rule in rules)
     assert (whole.rate, part.rate) == pytest.approx((50.0, 50.0), rel=1e-9)
     assert (whole.start, part.start) == pytest.approx((2.5, 2.6), rel=1e-9)
     assert part.response.tolist() == FORCE[5:].tolist()
     rule = swept(time="t", unit="ms", start=2.6, stop=3.0)
-    assert read_histories(history(path, history=rule))[0].response.tolist() == FORCE[5:26].tolist()
+    assert read_record(path, history=rule).response.tolist() == FORCE[5:26].tolist()
     with pytest.raises(MeasurementError, match="nothing between start and stop"):
-        read_histories(history(path, history=swept(time="t", start=9000.0)))
+        read_record(path, history=swept(time="t", start=9000.0))
 
 
 def test_a_rate_beside_instants_must_be_theirs(tmp_path):
     # a step of 1/64 s, rounded to hundredths, with two samples missing where asked
     def read(rate, missing=0):
-        rows = [f"{(i + missing * (i > 30)) / 64:.2f},{f:.17g},{f:.17g}" for i, f in enumerate(FORCE)]
-        (tmp_path / "a.csv").write_text("\n".join(["t,F,a", *rows]) + "\n", encoding="utf-8")
-        (got,) = read_histories(history(tmp_path / "a.csv", history=swept(time="t", rate=rate)))
-        return got.rate
+        instants = np.round([(i + missing * (i > 30)) / 64 for i in range(N)], 2)
+        path = write_columns(tmp_path / "a.csv", "t,F,a", instants, FORCE, FORCE)
+        return read_record(path, history=swept(time="t", rate=rate)).rate
 
     assert read(64.0) == 64.0
     with pytest.raises(MeasurementError, match=r"64.* instants a second, the rate is 50 Hz"):
@@ -115,26 +111,19 @@ def test_a_rate_beside_instants_must_be_theirs(tmp_path):
 ])  # fmt: skip
 @pytest.mark.parametrize("ending", [".csv", ".npz"])
 def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step, rate, doubted, ending):
-    """A rate of 1000 Hz beside instants of 2000 Hz passed, with a stiffness four times too small."""
     path = tmp_path / f"a{ending}"
     # instants have three decimals, and a clock that is read late
     time = np.round(step * (np.arange(N) + 0.02 * FORCE), 3)
     if ending == ".csv":
-        rows = [f"{t:.3f},{f:.17g},{f:.17g}" for t, f in zip(time, FORCE, strict=True)]
-        path.write_text("\n".join([f"{title},F,a", *rows]) + "\n", encoding="utf-8")
+        write_columns(path, f"{title},F,a", time, FORCE, FORCE)
     else:
-        if "[" in title:
-            pytest.skip("a unit in brackets is of a text")
-        np.savez(path, **{title: time, "F": FORCE, "a": FORCE})
-    (got,) = read_histories(history(path, history=swept(rate=rate)))
-    found = [finding for finding in got.findings if finding.code != "unit-of-file"]
-    assert [(f.code, f.severity, f.parameter) for f in found] == [
-        ("fixed-contradicted", "doubt", "rate")
-    ] * doubted
+        # a unit in brackets is of a text
+        np.savez(path, **{title.removesuffix(" [s]"): time, "F": FORCE, "a": FORCE})
+    found = contradictions(read_record(path, history=swept(rate=rate)))
+    kinds = [(f.code, f.severity, f.parameter) for f in found]
+    assert kinds == [("fixed-contradicted", "doubt", "rate")] * doubted
     if doubted:
-        said = sentence(found[0])
-        assert f"the samples are read at a rate of {rate:g} Hz" in said
-        assert re.search(r"it is 6\d\.?\d* Hz", said)
+        assert re.search(rf"read at a rate of {rate:g} Hz.* it is 6\d\.?\d* Hz", sentence(found[0]))
 
 
 @pytest.mark.parametrize(("name", "value", "doubted"), [
@@ -144,12 +133,11 @@ def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step
     ("rate", 0.1, False), ("frame_rate", 128.0, False), ("sampling_frequency", 128.0, True),
 ])  # fmt: skip
 def test_a_rate_that_a_number_in_the_file_contradicts_is_doubted(tmp_path, name, value, doubted):
-    """A rate of 1024 Hz next to fs = 2048 passed, with a stiffness four times too small."""
     np.savez(tmp_path / "b.npz", F=FORCE, a=ACCELERATION[1])
     np.savez(tmp_path / "a.npz", F=FORCE, a=ACCELERATION[0], **{name: value})
     levels, rule = LevelRule(values=(1.0, 2.0)), swept(rate=64.0)
-    _, got = read_histories(history(tmp_path / "b.npz", tmp_path / "a.npz", level=levels, history=rule))
-    found = [finding for finding in got.findings if finding.code != "unit-of-file"]
+    got = read_record(tmp_path / "b.npz", tmp_path / "a.npz", level=levels, history=rule)
+    found = contradictions(got)
     assert [(f.code, f.severity) for f in found] == [("fixed-contradicted", "doubt")] * doubted
     if doubted:
         assert f"a rate of 64 Hz, but by {name} in the file it is 128 Hz" in sentence(found[0])
@@ -160,10 +148,8 @@ def test_a_rate_that_a_number_in_the_file_contradicts_is_doubted(tmp_path, name,
     ("ms", 2048.0, 2048.0, True),
 ])  # fmt: skip
 def test_instants_that_a_rate_in_the_file_contradicts_are_doubted(tmp_path, unit, rate, number, doubted):
-    """Instants read as ms next to fs = 1024 were identified, k a million times too large."""
     np.savez(tmp_path / "a.npz", F=FORCE, a=ACCELERATION[0], time=np.arange(N) / rate, fs=number)
-    rule = swept(time="time", unit=unit)
-    (got,) = read_histories(history(tmp_path / "a.npz", history=rule))
+    got = read_record(tmp_path / "a.npz", history=swept(time="time", unit=unit))
     assert [f.parameter for f in got.findings if f.code == "fixed-contradicted"] == ["rate"] * doubted
 
 
@@ -174,12 +160,11 @@ def test_instants_that_a_rate_in_the_file_contradicts_are_doubted(tmp_path, unit
 ])  # fmt: skip
 @pytest.mark.parametrize("place", ["data[2]", "data[:,2]"])
 def test_volts_that_are_read_as_a_motion_are_doubted(tmp_path, texts, given, doubted, place):
-    """A record in volts passed as one in g: with labels and without a mass its law was identified."""
     channels = {"data": np.column_stack([FORCE, ACCELERATION[0]]), "fs": 50.0}
     scipy.io.savemat(tmp_path / "a.mat", channels | texts | {"channels": "force cell, accelerometer"})
     force = Channel(samples="data[1]", unit="V", factor="10 mV/N")
     response = Channel(samples=place, **{"unit": "V" if given else "g"} | given)
-    (got,) = read_histories(history(tmp_path / "a.mat", force=force, response=response))
+    got = read_record(tmp_path / "a.mat", force=force, response=response)
     said = [sentence(finding) for finding in got.findings if finding.code == "unit-contradicts-title"]
     assert len(got.findings) == len(said) == doubted
     if doubted:
@@ -192,10 +177,8 @@ def test_a_start_that_cuts_a_decay_is_named(tmp_path):
     np.savez(tmp_path / "a.npz", x=1e-3 * np.exp(-0.3 * t) * np.cos(60 * t))
     for start, cut in ((0.0, False), (5.0, True)):
         rule = HistoryRule("ring-down", rate=200.0, start=start)
-        got, *_ = read_histories(
-            history(tmp_path / "a.npz", force=None, response="x", quantity="displacement", history=rule)
-        )
-        found = [finding for finding in got.findings if finding.code != "unit-of-file"]
+        keys = {"force": None, "response": "x", "quantity": "displacement", "history": rule}
+        found = contradictions(read_record(tmp_path / "a.npz", **keys))
         assert [(f.code, f.severity) for f in found] == [("decay-taken", "warning")] * cut
     assert "before the start that the case gives the response is up to 4.5 times" in sentence(found[0])
 
@@ -204,21 +187,15 @@ def test_a_start_that_cuts_a_decay_is_named(tmp_path):
     ("Displacement (mm)", {"displacement": False, "velocity": True}), ("freq_Hz", {"displacement": True}),
 ])  # fmt: skip
 def test_a_title_of_another_quantity_than_the_response_is_a_doubt(tmp_path, title, quantities):
-    """Displacements read as velocities were "identified", with a friction 14 times too large."""
-    path = tmp_path / "a.csv"
-    path.write_text(
-        "\n".join([f"n,{title}", *(f"{n},{a:.6f}" for n, a in enumerate(ACCELERATION[0]))]) + "\n"
-    )
+    path = write_columns(tmp_path / "a.csv", f"n,{title}", np.arange(N), ACCELERATION[0])
     for quantity, doubted in quantities.items():
         rule = HistoryRule("ring-down", rate=200.0)
         channel = Channel(samples=title, unit="mm" if title == "freq_Hz" else None)
-        plan = history(path, force=None, response=channel, quantity=quantity, history=rule)
-        (got,) = read_histories(plan)
+        got = read_record(path, force=None, response=channel, quantity=quantity, history=rule)
         assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
 
 
 def test_a_signal_that_is_asked_for_again_is_scaled_once(tmp_path):
-    """The second sum of a channel was its samples times the square of the factor."""
     test = history(write(tmp_path / "a.npz"), response=Channel(samples="a[2]", factor=9.80665))
     record = _record(test, swept(rate=50.0), 0)
     for _ in range(2):
@@ -229,10 +206,7 @@ def test_integers_of_a_recorder_are_scaled(tmp_path):
     path = tmp_path / "a.npz"
     counts = np.round(32767 * FORCE).astype("i2")
     np.savez(path, F=counts, a=counts.astype("i4"), fs=50.0)
-    (got,) = read_histories(
-        history(path, force=Channel(samples="F", factor=0.5), response=Channel(samples="a", factor=2.0))
-    )
-    assert got.force is not None
+    got = read_record(path, force=Channel(samples="F", factor=0.5), response=Channel(samples="a", factor=2.0))
     assert got.force.dtype == np.float32
     assert got.force.tolist() == (counts * 0.5).tolist()
     assert got.response.tolist() == (counts * 2.0).tolist()
@@ -240,18 +214,15 @@ def test_integers_of_a_recorder_are_scaled(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("keys", "message"), [
-    ({}, "name one channel, as in 'a[1]'"),
-    ({"response": "F"}, "is force and response"),
+    ({}, "name one channel, as in 'a[1]'"), ({"response": "F"}, "is force and response"),
     ({"response": "fs"}, "samples differ in number: 64 of 'F', 1 of 'fs'"),
     ({"response": "a[1]", "history": swept(rate_column="t")}, "no sampling"),
     ({"response": "a[1]", "history": swept(time="F")}, " off the even spacing"),
 ])  # fmt: skip
 def test_faults_of_histories(tmp_path, keys, message):
     path = write(tmp_path / "a.mat")
-    with pytest.raises(MeasurementError) as caught:
-        read_histories(history(path, **keys))
-    assert message in str(caught.value)
-    assert str(caught.value).startswith(f"{path}: ")
+    with pytest.raises(MeasurementError, match=f"^{re.escape(str(path))}: .*{re.escape(message)}"):
+        read_record(path, **keys)
 
 
 def test_instants_beyond_every_number_are_refused():
@@ -262,9 +233,7 @@ def test_instants_beyond_every_number_are_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "damping"), [("mat-sweep", 7.5), ("hdf5-steps", 7.5), ("uff-decay", 1.2)])
 def test_histories_give_the_curves_they_were_made_with(name, damping):
-    test = load_case(FORMATS / f"{name}.toml").test
-    assert isinstance(test, MeasuredTest)
-    surface = read_measurement(test)
+    surface = read(FORMATS / f"{name}.toml")
     surface = surface.select(surface.settled)
     dynamic = surface.force / surface.harmonics[:, 1]
     stiffness = 5920 + 0.75 * 2e6 * surface.amplitude**2

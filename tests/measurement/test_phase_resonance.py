@@ -10,10 +10,9 @@ import rsgen
 from rsgen.app.cli.check_command import point_faults
 from rsgen.data.surface.plausibility import lag_findings
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.plan import MeasuredTest
 from rsgen.files.signals import Channel
 from tests.case_files import GONE, MEASURED, write_small
+from tests.measurement.tables import read_planned, write_columns
 from tests.surfaces import codes
 
 MASS, K, K3, C = 1.5, 5920.0, 3e5, 3.8
@@ -27,23 +26,16 @@ def table(folder: Path, lag: float = 90.0, quantity: str = "displacement") -> Pa
     omega = (-C * cotangent + np.sqrt((C * cotangent) ** 2 + 4 * MASS * k)) / (2 * MASS)
     force = omega * C * AMPLITUDE / np.sin(np.radians(lag))
     order = {"displacement": 0, "velocity": 1}[quantity]
-    rows = np.stack(
-        [omega / 2 / np.pi, force, AMPLITUDE * omega**order, np.full(23, lag - 90 * order)], axis=1
-    )
-    path = folder / "loop.csv"
-    np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="", fmt="%.10g")
-    return path
+    columns = (omega / 2 / np.pi, force, AMPLITUDE * omega**order, lag - 90 * order)
+    return write_columns(folder / "loop.csv", "frequency,force,response,lag", *columns)
 
 
 def read(path: Path, **options: Any) -> ResponseSurface:
-    phase = {"phase": "lag", "phase_sense": "lag"} if options.get("phase_known", True) else {}
+    options = {"phase_known": True, "frequency_unit": "Hz"} | options
+    phase = {"phase": "lag", "phase_sense": "lag"} if options["phase_known"] else {}
     unit = "m/s" if options.get("quantity") == "velocity" else "m"
-    settings: dict[str, Any] = {
-        "files": path, "frequency": "frequency", "force": Channel(amplitude="force", unit="N"),
-        "response": Channel(amplitude="response", unit=unit, **phase), "quantity": "displacement",
-        "frequency_unit": "Hz",
-    }  # fmt: skip
-    return read_measurement(MeasuredTest(**(settings | options)))
+    signals = Channel(amplitude="force", unit="N"), Channel(amplitude="response", unit=unit, **phase)
+    return read_planned(path, "frequency", *signals, **options)
 
 
 def test_each_row_of_a_backbone_is_a_level(tmp_path):
@@ -72,7 +64,7 @@ def test_points_at_which_the_loop_lost_the_lock_are_named_and_doubted(tmp_path):
     assert "phase-lock-lost" not in codes(read(path, control="phase"))
     rows[6::2, 3] = [160, 47, 163]
     rows[6::2, 2] *= [0.4, 1.1, 0.35]
-    np.savetxt(path, rows, delimiter=",", header="frequency,force,response,lag", comments="", fmt="%.10g")
+    write_columns(path, "frequency,force,response,lag", *rows.T)
     surface = read(path, control="phase")
     (said,) = (finding for finding in surface.findings if finding.code == "phase-lock-lost")
     assert (said["lost"], said["points"]) == (3, 12)
@@ -99,8 +91,7 @@ CASE = {
 
 
 @pytest.mark.parametrize(("changes", "refused"), [
-    ({"element.1.force": "k*x + k3*x**3 + c*v"}, True),
-    ({"system": {"mass": "1.5 kg"}}, False),
+    ({"element.1.force": "k*x + k3*x**3 + c*v"}, True), ({"system": {"mass": "1.5 kg"}}, False),
     ({"element.1.force": "k*x + c*v + masing(Min(kt*x, Fs))"}, False),
     ({"model": "rank", "element": GONE}, True),
 ])  # fmt: skip
