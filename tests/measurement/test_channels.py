@@ -87,10 +87,8 @@ def test_each_channel_has_its_file_quantity_unit_factor_and_delay(tmp_path):
 
 def test_columns_of_force_and_response_have_all_that_a_named_channel_has(tmp_path):
     late = 1j * OMEGA * WING * np.exp(-2e-3j * OMEGA)
-    read = {
-        "test.force": parts(1, "force", file="b.csv"),
-        "test.response": parts(2, "velocity", delay="2 ms"),
-    }
+    response = parts(2, "velocity", delay="2 ms")
+    read = {"test.force": parts(1, "force", file="b.csv"), "test.response": response}
     surface = rs.read(write(tmp_path, read, a=(late,), b=(FORCE,)))
     np.testing.assert_allclose(surface.force, FORCE, rtol=1e-12)
     np.testing.assert_allclose(surface.harmonics[:, 1], WING, rtol=1e-12)
@@ -124,16 +122,11 @@ def test_a_base_drives_by_its_acceleration(tmp_path, quantity, power, unit, resp
     np.testing.assert_allclose(surface.drive, np.abs(base) * OMEGA**power, rtol=1e-12)
 
 
-@pytest.fixture
-def mounted(tmp_path):
-    """A payload on a cubic mount, measured on both sides of it."""
+def test_an_element_acts_across_two_channels(tmp_path):
+    """A payload on a cubic mount is measured on both sides of it."""
     z = PAYLOAD - WING
     force = (5e3 + 3j * OMEGA - 2.0 * OMEGA**2) * WING + 0.75 * 4e9 * np.abs(z) ** 2 * z
-    return write(tmp_path, MOUNTED, a=(force, WING, PAYLOAD))
-
-
-def test_an_element_acts_across_two_channels(mounted):
-    case = rs.load_case(mounted)
+    case = rs.load_case(write(tmp_path, MOUNTED, a=(force, WING, PAYLOAD)))
     surface = rs.read(case)
     np.testing.assert_allclose(surface.across[:, 1], PAYLOAD - WING, rtol=1e-9)
     found = rs.identify(surface, case.model)

@@ -10,10 +10,10 @@ import rsgen as rs
 from rsgen import Oscillator, make_element
 from rsgen.data.history import SweepLaw
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
+from rsgen.files.plan import HistoryRule, LevelRule
 from rsgen.files.signals import BaseRule, Channel
 from tests.case_files import MEASURED, Changes, write_small
+from tests.measurement.tables import planned, read_planned, write_columns
 from tests.oracles.swept import sweep
 from tests.surfaces import codes
 
@@ -30,19 +30,24 @@ CASE = {
 }  # fmt: skip
 
 
+FREQUENCY = np.tile(np.linspace(11, 22, 30), 2)
+OMEGA, LEVEL = 2 * np.pi * FREQUENCY, np.repeat([0.3, 1.0], 30)
+
+
+def answers(recorded: str, turn: np.ndarray | complex = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Exact accelerations of the base of a cubic spring per unit mass, and of the mass; turned alike."""
+    z = LEVEL * 1e-3 / (1 - (FREQUENCY / 17) ** 2 + 0.15j)
+    base = -(1e4 + 0.75 * 2.5e9 * np.abs(z) ** 2 + 2j * OMEGA - OMEGA**2) * z
+    return turn * base, turn * (-(OMEGA**2) * z + (base if recorded == "absolute" else 0))
+
+
 def findings(folder: Path, recorded: str, said: Changes | None = None) -> list:
-    """Read the exact answers of a cubic spring per unit mass; phases count from a generator, not the base."""
-    frequency = np.tile(np.linspace(11, 22, 30), 2)
-    omega, level = 2 * np.pi * frequency, np.repeat([0.3, 1.0], 30)
-    z = level * 1e-3 / (1 - (frequency / 17) ** 2 + 0.15j) * np.exp(1j * (0.7 + 0.35 * frequency))
-    force = (1e4 + 0.75 * 2.5e9 * np.abs(z) ** 2 + 2j * omega - omega**2) * z
-    base, relative = -force, -(omega**2) * z
-    seen = relative + base if recorded == "absolute" else relative
-    columns = [frequency, level, base.real, base.imag, seen.real, seen.imag]
-    np.savetxt(folder / "a.csv", np.column_stack(columns), delimiter=",", fmt="%.9g")
-    path = write_small(folder, "base", {**CASE, "test.base.response": recorded, **(said or {})})
-    found = rs.read(rs.load_case(path)).findings
-    return [f for f in found if f.code in ("base-misread", "not-passive", "another-quantity")]
+    """Read the answers; their phases count from a generator, not the base."""
+    base, seen = answers(recorded, np.exp(1j * (0.7 + 0.35 * FREQUENCY)))
+    columns = (FREQUENCY, LEVEL, base.real, base.imag, seen.real, seen.imag)
+    write_columns(folder / "a.csv", "", *columns)
+    found = rs.read(write_small(folder, "base", {**CASE, "test.base.response": recorded, **(said or {})}))
+    return [f for f in found.findings if f.code in ("base-misread", "not-passive", "another-quantity")]
 
 
 SENSE_OF_BASE, SENSE_OF_RESPONSE = "test.base.phase_sense", "test.response.phase_sense"
@@ -72,20 +77,15 @@ def test_what_was_misread_of_a_driven_base_is_named(tmp_path, recorded, said, mi
 @pytest.mark.parametrize("recorded", ["absolute", "relative"])
 def test_swapped_amplitudes_beside_a_phase_are_named_and_no_mass_is(tmp_path, recorded):
     # the phase of the response, from the base, has a column of its own and stays where it is
-    frequency, level = np.tile(np.linspace(11, 22, 30), 2), np.repeat([0.3, 1.0], 30)
-    omega = 2 * np.pi * frequency
-    z = level * 1e-3 / (1 - (frequency / 17) ** 2 + 0.15j)
-    base = -(1e4 + 0.75 * 2.5e9 * np.abs(z) ** 2 + 2j * omega - omega**2) * z
-    seen = -(omega**2) * z + (base if recorded == "absolute" else 0)
-    columns = [frequency, level, np.abs(base), np.abs(seen), np.angle(seen / base, deg=True)]
-    np.savetxt(tmp_path / "a.csv", np.column_stack(columns), delimiter=",", fmt="%.12g")
+    base, seen = answers(recorded)
+    columns = (FREQUENCY, LEVEL, np.abs(base), np.abs(seen), np.angle(seen / base, deg=True))
+    write_columns(tmp_path / "a.csv", "", *columns)
 
     def read(first: int, second: int, sense: str) -> rs.ResponseSurface:
         about = {"quantity": "acceleration", "unit": "m/s^2"}
         said = {"test.base": {**about, "amplitude": first, "response": recorded}}
         said["test.response"] = {**about, "amplitude": second, "phase": 5, "phase_sense": sense}
-        path = write_small(tmp_path, "base", {**CASE, **said})
-        return rs.read(rs.load_case(path))
+        return rs.read(write_small(tmp_path, "base", {**CASE, **said}))
 
     assert "base-misread" not in codes(read(3, 4, "lead"))
     (found,) = (f for f in read(3, 4, "lag").findings if f.code == "base-misread")
@@ -110,9 +110,7 @@ def test_a_reversed_base_below_a_stop_is_named_as_reversed():
     dynamic = 2e4 + 4.6e4 * touched - (omega**2 - 2.93j * omega)[:, None]
     z = [level[i] / row[np.flatnonzero(np.abs(row) * size < level[i])[-1]] for i, row in enumerate(dynamic)]
     seen = np.array(z) + 2 * level / omega**2
-    surface = rs.ResponseSurface(
-        level=level, frequency=frequency, force=-level, harmonics=np.stack([0 * seen, seen], 1)
-    )
+    surface = rs.ResponseSurface(level, frequency, -level, seen)
     (found,) = base_findings(surface, absolute=True, senses=False)
     assert (found.code, found.names["is"]) == ("base-misread", "sign")
 
@@ -131,22 +129,16 @@ def test_a_factor_of_one_channel_against_the_other_is_named(tmp_path, recorded, 
 
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration"])
 def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base(tmp_path, quantity):
-    # 3 and 9 of the unit of the base, held to a hundredth, at 30 frequencies
-    frequency, level = np.tile(np.linspace(11, 22, 30), 2), np.repeat([3.0, 9.0], 30)
-    omega = 2 * np.pi * frequency
-    base = level * (1 + 0.01 * np.sin(np.arange(60.0)))
+    # 3 and 10 of the unit of the base, held to a hundredth, at 30 frequencies
+    base = 10 * LEVEL * (1 + 0.01 * np.sin(np.arange(60.0)))
     order = {"displacement": 0, "velocity": 1, "acceleration": 2}[quantity]
-    force = -base * (1j * omega) ** (2 - order)
-    z = force / ((2 * np.pi * 17) ** 2 - omega**2 + 10j * omega)
-    np.savetxt(
-        tmp_path / "a.csv", np.column_stack([frequency, base, z.real, z.imag]), delimiter=",", fmt="%.12g"
-    )
-    test = MeasuredTest(
-        tmp_path / "a.csv", 1, None, Channel(real=3, imaginary=4, phase_sense="lead"), "displacement",
-        base=BaseRule(Channel(amplitude=2, quantity=quantity), "relative"),
-    )  # fmt: skip
-    surface = read_measurement(test)
-    assert np.sort(surface.levels) == pytest.approx([3.0, 9.0], rel=0.01)
+    force = -base * (1j * OMEGA) ** (2 - order)
+    z = force / ((2 * np.pi * 17) ** 2 - OMEGA**2 + 10j * OMEGA)
+    path = write_columns(tmp_path / "a.csv", "", FREQUENCY, base, z.real, z.imag)
+    rule = BaseRule(Channel(amplitude=2, quantity=quantity), "relative")
+    response = Channel(real=3, imaginary=4, phase_sense="lead")
+    surface = read_planned(path, force=None, response=response, phase_known=True, base=rule)
+    assert np.sort(surface.levels) == pytest.approx([3.0, 10.0], rel=0.01)
     # levels that were measured check no unit
     assert [f.names for f in surface.findings if f.code == "not-recorded"] == [{"signal": "levels"}]
 
@@ -155,12 +147,12 @@ def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
     oscillator = Oscillator(1.0, (make_element("all", "k*x + c*v"),), {"k": 4e3, "c": 1.3})
     got = sweep(oscillator, 1.0, SweepLaw("linear", 7.0, 0.2), 13.0)
     np.savez(tmp_path / "a.npz", base=-got.reference, x=got.response, fs=got.rate)
-    test = MeasuredTest(
-        tmp_path / "a.npz", None, None, Channel(samples="x"), "displacement",
-        base=BaseRule(Channel(samples="base", quantity="acceleration"), "relative"),
-        history=HistoryRule("swept-sine", rate_column="fs"),
-    )  # fmt: skip
-    (fast,) = (f for f in read_measurement(test).findings if f.code == "sweep-rate")
+    rules = {
+        "base": BaseRule(Channel(samples="base", quantity="acceleration"), "relative"),
+        "history": HistoryRule("swept-sine", rate_column="fs"), "phase_known": True,
+    }  # fmt: skip
+    surface = read_planned(tmp_path / "a.npz", None, None, Channel(samples="x"), **rules)
+    (fast,) = (f for f in surface.findings if f.code == "sweep-rate")
     assert "mass" not in fast.numbers
 
 
@@ -168,9 +160,7 @@ def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
 def test_a_number_before_g_in_a_name_is_an_acceleration_of_the_base(tmp_path, quantity, size):
     base = BaseRule(Channel(amplitude=2, quantity=quantity), "relative")
     level = LevelRule(name="run_{level}g.csv")
-    test = MeasuredTest(
-        tmp_path / "run_2g.csv", 1, None, Channel(amplitude=3), "displacement", level=level, base=base
-    )
+    test = planned(tmp_path / "run_2g.csv", force=None, level=level, base=base)
     assert test.factor("level") == pytest.approx(size)
 
 
@@ -178,10 +168,8 @@ def shaken(friction: float) -> rs.ResponseSurface:
     """A hardening spring; from 0.8 N on friction holds the mass off resonance at the lowest level."""
     law = "k*x + k3*x**3 + c*v + Ff*sign(v)"
     oscillator = rs.Oscillator(2.0, law, {"k": 2e4, "k3": 3e9, "c": 4.0, "Ff": friction})
-    frequency = np.linspace(13, 22, 31)
-    test = rs.simulate(
-        oscillator, rs.SimulatedTest([0.5, 1, 2], frequency, base="acceleration", noise_relative=0.01)
-    )
+    grid = [0.5, 1, 2], np.linspace(13, 22, 31)
+    test = rs.simulate(oscillator, rs.SimulatedTest(*grid, base="acceleration", noise_relative=0.01))
     return test.select(test.settled)
 
 
