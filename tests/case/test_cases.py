@@ -63,8 +63,7 @@ def agrees(one: str, other: str) -> bool:
         a, b = float(one.removeprefix("< ")), float(other.removeprefix("< "))
     except ValueError:
         return one == other
-    digit = 10.0 ** (log10(min(a, b)) // 1)
-    return abs(a - b) <= 1.001 * digit
+    return abs(a - b) <= 1.001 * 10.0 ** (log10(min(a, b)) // 1)
 
 
 @pytest.mark.thorough
@@ -73,10 +72,9 @@ def test_table_1_is_current(tmp_path):
         folder = tmp_path / path.stem
         folder.mkdir()
         (folder / "result.json").write_text(result_text(outcome(path)[1]), encoding="utf-8")
+    # make reports renews it
     made = cells(table_of_results(read_results(tmp_path)))
     saved = cells((ROOT / "reports" / "table1.md").read_text(encoding="utf-8"))
-    assert [row[:3] + row[6:] for row in made] == [row[:3] + row[6:] for row in saved], (
-        "make reports renews it"
-    )
+    assert [row[:3] + row[6:] for row in made] == [row[:3] + row[6:] for row in saved]
     for new, old in zip(made, saved, strict=True):
         assert all(agrees(a, b) for a, b in zip(new[3:6], old[3:6], strict=True)), (new, old)

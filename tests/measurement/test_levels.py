@@ -142,15 +142,6 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
         assert ("ratio" in surface.findings[0].numbers) == (rule.get("unit") != "label")
 
 
-def test_levels_in_another_order_than_the_files_are_those_that_were_measured(tmp_path):
-    forces = {"10N.csv": 10.0, "20N.csv": 20.0, "35N.csv": 35.0, "4N.csv": 4.0}
-    surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(values=(4, 10, 20, 35))))
-    np.testing.assert_allclose(np.unique(np.abs(surface.force[surface.held_out([20])])), 20)
-    (said,) = surface.findings
-    assert said.code == "levels-swapped"
-    assert "4, 10, 20, 35 N, but in this order 10 N, 20 N, 35 N, 4 N were measured" in sentence(said)
-
-
 @pytest.mark.parametrize("name", ["rep*{level}N.csv", "rep*1.{level}N.csv"])
 def test_a_star_that_could_take_the_digits_of_the_level_is_refused(name):
     with pytest.raises(RsgenError, match="right before"):
