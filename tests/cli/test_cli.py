@@ -31,6 +31,8 @@ def test_help_is_quick_and_teaches():
     assert (run.returncode, run.stderr) == (0, "")
     assert set(COMMANDS) <= set(re.findall(r"^  (\w+) ", run.stdout, re.MULTILINE))
     assert "rsgen init gearbox" in run.stdout
+    run = python("-m", "rsgen", "--version")
+    assert (run.returncode, run.stdout, run.stderr) == (0, f"rsgen {__version__}\n", "")
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -39,12 +41,6 @@ def test_every_command_has_an_example(command, run_cli):
     assert shown.code == 0
     assert f"rsgen {command}" in shown.out.split("Example")[1]
     assert ("--json" in shown.out) == (command not in ("derive", "laws"))
-
-
-@pytest.mark.slow
-def test_python_runs_it_as_a_module():
-    run = python("-m", "rsgen", "--version")
-    assert (run.returncode, run.stdout, run.stderr) == (0, f"rsgen {__version__}\n", "")
 
 
 @pytest.mark.slow

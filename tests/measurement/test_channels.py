@@ -93,7 +93,6 @@ def test_columns_of_force_and_response_have_all_that_a_named_channel_has(tmp_pat
     np.testing.assert_allclose(surface.force, FORCE, rtol=1e-12)
     np.testing.assert_allclose(surface.harmonics[:, 1], WING, rtol=1e-12)
     for changes, said in (
-        ({"test.force.quantity": "velocity"}, "test.force.quantity: is 'velocity'; 'force' is"),
         ({"test.response.quantity": "force"}, "test.response.quantity: is 'force'; 'displ"),
         ({"test.force.file": ["a.csv", "b.csv"]}, "test.force.file: 2 for 1 files"),
         ({"test.force": {"nominal": True, "real": 2, "imaginary": 3}}, "test.force.real: .* nominal"),

@@ -50,13 +50,10 @@ def steps(folder: Path, levels: tuple[float, ...], forces: tuple[float, ...]) ->
     return read_measurement(plan)
 
 
-def test_a_record_copied_over_another_is_doubted(tmp_path):
+def test_a_record_copied_over_another_is_doubted_and_one_of_the_same_level_and_force_is_its_run(tmp_path):
     surface = steps(tmp_path, (1.0, 2.9, 3.1), (1.0, 3.0, 3.0))
     assert severities(surface) == {"run-repeated": "doubt"}
     assert surface.findings[0].names == {"first": "1.npz", "second": "2.npz"}
-
-
-def test_two_records_of_one_level_are_its_runs_if_their_forces_are_alike(tmp_path):
     assert severities(steps(tmp_path, (1.0, 3.0, 3.0), (1.0, 3.0, 3.6))) == {}
     (found,) = steps(tmp_path, (1.0, 3.0, 3.0), (1.0, 3.0, 6.0)).findings
     said = "1.npz and 2.npz have one level, 3 N, but were driven with 3 N and 5.99 N"

@@ -10,7 +10,7 @@ import scipy.io
 
 import rsgen
 from rsgen import MultisineSpectra, load_surface, sentence
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
 from rsgen.data.surface.response_surface import save_surface
@@ -142,10 +142,16 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
         assert ("ratio" in surface.findings[0].numbers) == (rule.get("unit") != "label")
 
 
-@pytest.mark.parametrize("name", ["rep*{level}N.csv", "rep*1.{level}N.csv"])
-def test_a_star_that_could_take_the_digits_of_the_level_is_refused(name):
-    with pytest.raises(RsgenError, match="right before"):
-        LevelRule(name=name)
+@pytest.mark.parametrize(("rule", "said"), [
+    # a star could take the digits of the level
+    ({"name": "rep*{level}N.csv"}, "right before"), ({"name": "rep*1.{level}N.csv"}, "right before"),
+    # the volts of a drive are labels, which cannot stand for a force
+    ({"name": "{level}V", "unit": "V"}, r"level.unit: 'V' .* needed; unit = \"label\" where the levels are"),
+    ({"values": (1, 3), "unit": "label"}, "stands for the force, which was not recorded"),
+])  # fmt: skip
+def test_levels_that_cannot_be_are_refused(rule, said):
+    with pytest.raises(RsgenError, match=said):
+        planned((Path("1V"), Path("2V")), force=None, level=LevelRule(**rule))
 
 
 def test_a_force_that_was_held_is_no_held_response(tmp_path):
@@ -207,23 +213,12 @@ def test_records_are_held_out_by_their_labels():
         thirds.require_levels((9.0,))
 
 
-def test_levels_in_the_volts_of_a_drive_are_told_to_be_labels():
-    said = r"level.unit: 'V' .* needed; unit = \"label\" where the levels are"
-    with pytest.raises(MeasurementError, match=said):
-        planned(Path("1V.csv"), level=LevelRule(name="{level}V.csv", unit="V"))
-
-
 def test_levels_of_a_sweep_that_a_mass_corrected_are_not_said_to_be_measured():
     test = rsgen.load_case("cases/formats/mat-sweep.toml").test
     turned = replace(test, response=replace(test.response, factor=-1000.0))
     found = read_measurement(replace(turned, history=replace(test.history, mass=1.5)))
     (said,) = (one for one in found.findings if one.code == "levels-disagree")
     assert "were measured, corrected for the sweep with the given mass of 1.5 kg," in sentence(said)
-
-
-def test_labels_cannot_stand_for_a_force():
-    with pytest.raises(MeasurementError, match="stands for the force, which was not recorded"):
-        planned((Path("a"), Path("b")), force=None, level=LevelRule(values=(1, 3), unit="label"))
 
 
 @pytest.mark.parametrize(("levels", "asked", "meant"), [

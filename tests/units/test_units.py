@@ -1,7 +1,6 @@
 """Units: exact values in SI, dimensions that are checked, and the units that a force law demands."""
 
 import math
-from fractions import Fraction
 
 import pint
 import pytest
@@ -12,7 +11,7 @@ from rsgen.common.errors import RsgenError
 from rsgen.formula import unit_text
 from rsgen.formula.reading import parse
 from rsgen.formula.unit_deduction import parameter_units, unit_faults
-from rsgen.formula.unit_text import Dimension, read_unit
+from rsgen.formula.unit_text import read_unit
 from rsgen.formula.units import quantity, sensor_factor, sensor_unit
 
 LAST_DIGITS = 4e-16  # of a double: two roundings
@@ -87,20 +86,6 @@ def test_whatever_the_text_only_an_rsgen_error_comes_out(text):
         except RsgenError as error:
             said = str(error)
             assert said.isprintable()
-
-
-POWERS = st.dictionaries(
-    st.sampled_from(["kg", "m", "s", "A", "Hz"]), st.fractions(-4, 4, max_denominator=6), max_size=4
-)
-
-
-@pytest.mark.slow
-@given(POWERS, POWERS)
-def test_dimensions_form_a_group(first, second):
-    one, two = Dimension(first), Dimension(second)
-    assert one * two / two == one
-    assert (one**2) ** Fraction(1, 2) == one
-    assert str(one / one) == "1"
 
 
 @pytest.mark.parametrize(("law", "units"), [
