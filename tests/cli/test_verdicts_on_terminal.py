@@ -54,21 +54,18 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, state, decided
     # without a report, and of an unchanged result, the verdict is the same
     answer = run_cli("identify", path, "--json")
     identified = json.loads(answer.out)
-    assert (answer.code, identified["verdict"]) == (run.code, verdict)
-    assert identified["parameters"] == written["parameters"]
-    assert identified["residual"] == written["residual"]["relative"]
+    same = (run.code, verdict, written["parameters"], written["residual"]["relative"])
+    assert (answer.code, *(identified[key] for key in ("verdict", "parameters", "residual"))) == same
     answer = run_cli("identify", path)
     assert (answer.code, answer.out.startswith(verdict["headline"])) == (run.code, True)
     begin = answer.out.index("parameter  ")
     values = answer.out[begin : answer.out.index("amplitude ", begin)]
     answer = run_cli("run", path, "--out", out)
-    assert answer.code == run.code
+    assert (answer.code, answer.out.count("  because: ")) == (run.code, len(reasons_of(verdict)))
     assert answer.out.startswith(f"csv-table: {verdict['headline']} (unchanged)")
-    assert answer.out.count("  because: ") == len(reasons_of(verdict))
-    assert values in answer.out
-    # its law, and its warnings
+    # its law with its values, and its warnings
     law = " + ".join(element["force"] for element in written["elements"])
-    assert f"\n{law}\nparameter  " in answer.out
+    assert f"\n{law}\n{values}" in answer.out
     said = zip(written["findings"], written["warnings"], strict=True)
     warned = [text for finding, text in said if finding["severity"] == "warning"]
     assert all(f"  warning: {text}" in answer.out for text in warned[:5])

@@ -279,11 +279,6 @@ def test_what_a_header_tells(tmp_path, run_cli, head, force, response, level, be
     assert run_cli("check", begun(path)).code == 0
 
 
-def test_a_capital_f_alone_is_a_force(tmp_path):
-    tables = proposed(table(tmp_path / "a.csv", "F,f,x", ["1,10,0.1", "1,11,0.2", "1,12,0.1"]))
-    assert (tables["frequency"]["column"], tables["force"]["amplitude"]) == ("f", "F")
-
-
 def test_a_table_with_neutral_titles_is_asked_for_quantity_unit_and_scale_of_its_response(tmp_path, begun):
     rows = [f"{5 + f / 10},{level},{level * (1 + f)},{170 - f}" for level in (1, 3) for f in range(9)]
     path = table(tmp_path / "a.csv", "f,F,u,phi", rows)
@@ -395,7 +390,9 @@ def test_another_table_in_the_file_is_left_out_with_a_word(tmp_path):
         assert "left out: ResponseControl/freq, ResponseControl/force, ResponseControl/X" in said
 
 
-def test_titles_that_are_units_say_what_stands_where(tmp_path):
+def test_a_capital_f_alone_is_a_force_and_titles_that_are_units_say_what_stands_where(tmp_path):
+    tables = proposed(table(tmp_path / "a.csv", "F,f,x", ["1,10,0.1", "1,11,0.2", "1,12,0.1"]))
+    assert (tables["frequency"]["column"], tables["force"]["amplitude"]) == ("f", "F")
     rows = [f"{f:.3f},2,{f / 3:.4f},{-f / 9:.4f}" for f in SPECTRUM]
     test = proposed(table(tmp_path / "a.csv", "Hz,N,m/s^2,rad", rows))
     assert test["frequency"] == {"column": "Hz"}
@@ -417,7 +414,11 @@ def test_instants_of_any_clock_are_no_frequency_and_no_response(tmp_path):
     assert asked.startswith("TODO: no column is left for the response")
 
 
-def test_the_draft_of_a_decay_asks_for_the_mass(tmp_path, run_cli):
+def test_the_draft_of_a_decay_has_no_force_and_asks_for_the_mass(tmp_path, run_cli):
+    rows = [f"{n / 100},{(-1) ** n}" for n in range(40)]
+    path = table(tmp_path / "pluck_1.csv", "t [s],a_tip [g]", rows)
+    assert "force" not in proposed(path)
+    assert "no column is left for a force" in doubts(path)["test.excitation"]
     rows = [f"{n / 512:.6f},{np.exp(-n / 300) * np.cos(n / 8):.4f}" for n in range(600)]
     path = table(tmp_path / "decay.csv", "Time (s),Displacement (mm)", rows)
     assert run_cli("init", "--from", path, tmp_path / "case.toml").code == 0
@@ -472,10 +473,3 @@ def test_a_matrix_without_names_is_asked_for_its_columns_as_a_case_writes_them(t
     assert test["frequency"] == {"column": "data[1]"}
     assert test["force"].items() > {"amplitude": "data[2]", "unit": "N"}.items()
     assert test["response"].items() > {"amplitude": "data[3]", "unit": "mm", "phase": "data[4]"}.items()
-
-
-def test_a_record_of_a_motion_alone_has_no_force_in_its_draft(tmp_path):
-    rows = [f"{n / 100},{(-1) ** n}" for n in range(40)]
-    path = table(tmp_path / "pluck_1.csv", "t [s],a_tip [g]", rows)
-    assert "force" not in proposed(path)
-    assert "no column is left for a force" in doubts(path)["test.excitation"]

@@ -257,8 +257,8 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch, form, 
         list_contents(path)
 
 
-def sound(head: bytes = b"", data: int | None = None, samples: bytes = bytes(8)) -> bytes:
-    form = head or struct.pack("<HHIIHH", 1, 1, 100, 200, 2, 16)
+def sound(*head: int, data: int | None = None, samples: bytes = bytes(8)) -> bytes:
+    form = struct.pack("<HHIIHH", *(head or (1, 1, 100, 200, 2, 16)))
     parts = b"WAVEfmt " + struct.pack("<I", len(form)) + form
     size = len(samples) if data is None else data
     return b"RIFF" + struct.pack("<I", 2**31) + parts + b"data" + struct.pack("<I", size) + samples
@@ -269,12 +269,10 @@ def sound(head: bytes = b"", data: int | None = None, samples: bytes = bytes(8))
     (sound(data=10), "declares 10 bytes of 'data'; 8 are left"),
     (sound()[:-9], "has no samples, so it is cut off"),
     (sound()[:30], "declares 16 bytes of 'fmt'; 10 are left"),
-    (sound(struct.pack("<HHIIHH", 1, 65535, 1, 1, 1, 16)), "65535 channels of 16 bits in 1 bytes"),
-    (sound(struct.pack("<HHIIHH", 1, 0, 1, 1, 0, 16)), "0 channels of 16 bits"),
-    (sound(struct.pack("<HHIIHH", 1, 1, 0, 0, 2, 16)), "a sampling rate of 0"),
-    (sound(struct.pack("<HHIIHH", 1, 2, 1, 0, 0, 0)), "2 channels of 0 bits in 0 bytes"),
-    (sound(samples=b""), "0 bytes of samples"),
-    (sound(samples=bytes(7)), "7 bytes of samples, 2 each instant"),
+    (sound(1, 65535, 1, 1, 1, 16), "65535 channels of 16 bits in 1 bytes"),
+    (sound(1, 0, 1, 1, 0, 16), "0 channels of 16 bits"), (sound(1, 1, 0, 0, 2, 16), "a sampling rate of 0"),
+    (sound(1, 2, 1, 0, 0, 0), "2 channels of 0 bits in 0 bytes"),
+    (sound(samples=b""), "0 bytes of samples"), (sound(samples=bytes(7)), "7 bytes of samples, 2 each"),
     (sound().replace(b"RIFF", b"RIFX"), "is no ordinary sound file"),
     (b"RIFF\x00\x00\x00\x00WAVE" + b"LIST\x00\x00\x00\x00" * 5000, "more than 1000 parts before its samples"),
 ])  # fmt: skip
