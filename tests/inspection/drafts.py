@@ -35,12 +35,10 @@ def write_levels(path, columns, delimiter=";", seed=None) -> Path:
     titles = list(blocks[0])
     if seed is not None:
         random.Random(seed).shuffle(titles)
-    rows = [
-        delimiter.join(f"{value:.9g}" for value in row)
-        for block in blocks
-        for row in np.transpose([np.broadcast_to(block[title], FREQUENCY.shape) for title in titles])
-    ]
-    path.write_text("\n".join([delimiter.join(titles), *rows, ""]), encoding="utf-8")
+    tables = [np.broadcast_arrays(*(block[title] for title in titles)) for block in blocks]
+    rows = np.hstack(tables).T
+    head = delimiter.join(titles)
+    np.savetxt(path, rows, "%.9g", delimiter=delimiter, header=head, comments="", encoding="utf-8")
     return path
 
 

@@ -11,6 +11,7 @@ from rsgen.files.histories import shifted
 from rsgen.files.plan import HistoryRule, MeasuredTest
 from rsgen.files.signals import BaseRule, Channel, combination
 from tests.case_files import GONE, MEASURED, Changes, write_small
+from tests.measurement.tables import write_columns
 
 F = np.linspace(6.0, 9.0, 25)
 OMEGA = 2 * np.pi * F
@@ -57,18 +58,15 @@ def write(folder: Path, changes: Changes, level: str = "3 N", **columns) -> Path
     """Files a.csv (frequency first) and b.csv of complex columns, and the case that reads them."""
     for name, complex_columns in columns.items():
         split = [part for values in complex_columns for part in (values.real, values.imag)]
-        table = np.column_stack([F, *split] if name == "a" else split)
-        np.savetxt(folder / f"{name}.csv", table, delimiter=",", fmt="%.17g")
+        write_columns(folder / f"{name}.csv", "", *([F] if name == "a" else []), *split)
     known = {**MEASURED, "test.frequency": {"column": 1}, "test.level": {"value": level}}
     return write_small(folder, "two", known | changes)
 
 
 CHANNELS = {"test.channels": {"wing": parts(4, "displacement"), "payload": parts(6, "displacement")}}
 SENSORS = {**CHANNELS, "test.force": parts(2), "test.response": {"channels": "wing"}}
-MOUNTED = {
-    **SENSORS,
-    "element": [{"name": "wing", "force": SPRING}, {"name": "mount", "force": "k3*x**3", "across": ACROSS}],
-}
+MOUNT = {"name": "mount", "force": "k3*x**3", "across": ACROSS}
+MOUNTED = {**SENSORS, "element": [{"name": "wing", "force": SPRING}, MOUNT]}
 
 
 def test_each_channel_has_its_file_quantity_unit_factor_and_delay(tmp_path):
@@ -139,16 +137,14 @@ def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
     drive = 3 * np.cos(2 * np.pi * (5 + 0.05 * t) * t)
     late = shifted(drive, -0.7)
 
-    def sampled(column: int, **more: object) -> dict[str, object]:
-        return {"quantity": "displacement", "samples": column, **more}
-
+    payload = {"quantity": "displacement", "samples": 2}
     read = {
-        "element": [{"name": "all", "force": SPRING}, MOUNTED["element"][1]], "test.frequency": GONE,
+        "element": [{"name": "all", "force": SPRING}, MOUNT], "test.frequency": GONE,
         "test.excitation": "swept-sine", "test.time": {"rate": 400}, "test.force": {"samples": 1},
-        "test.channels": {"payload": sampled(2), "wing": sampled(3, delay=0.00175)},
+        "test.channels": {"payload": payload, "wing": payload | {"samples": 3, "delay": 0.00175}},
         "test.response": {"channels": "payload"},
     }  # fmt: skip
-    np.savetxt(tmp_path / "a.csv", np.column_stack([drive, 2e-6 * drive, 5e-7 * late]), delimiter=",")
+    write_columns(tmp_path / "a.csv", "", drive, 2e-6 * drive, 5e-7 * late)
     surface = rs.read(write(tmp_path, read))
     np.testing.assert_allclose(surface.harmonics[:, 1] / surface.force, 2e-6, rtol=1e-3)
     np.testing.assert_allclose(surface.across[:, 1] / surface.harmonics[:, 1], 0.75, rtol=1e-3)
