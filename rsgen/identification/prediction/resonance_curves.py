@@ -211,9 +211,8 @@ def _changing(surface: ResponseSurface, levels: Array) -> list[float]:
 
 def _along(found: Identification) -> list[Finding]:
     """Say that a law across two sensors is predicted along the measured motion, and has no curves."""
-    if not (sensors := found.model.sensors):
-        return []
-    return [Finding("predicted-along-measured", "info", names={"sensors": sensors})]
+    sensors = found.model.sensors
+    return [Finding("predicted-along-measured", "info", names={"sensors": sensors})] if sensors else []
 
 
 def predict_records(found: MultisineIdentification) -> Prediction:
