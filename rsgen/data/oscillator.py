@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import sympy
@@ -21,9 +21,6 @@ from rsgen.law.character import character
 from rsgen.law.element import Element, LawLike, as_elements
 from rsgen.law.memory import equations_of
 from rsgen.law.notation import latex
-
-if TYPE_CHECKING:
-    pass
 
 BACKGROUNDS = ("none", "phase", "constant", "residuals", "neighbour")
 """Kinds of background; each contains the ones before it."""

@@ -199,9 +199,9 @@ class _Located:
     code: str
     code_new: str
     rate_code: str
-    threshold: str
-    jumps: bool
-    holds_still: bool
+    threshold: str = "0.0"
+    jumps: bool = False
+    holds_still: bool = False
     kind: str = "plain"
 
     @property
@@ -280,18 +280,16 @@ def _turning(located: list[_Located], corners: bool) -> tuple[int, int]:
     """
     turns = [entry.index for entry in located if entry.code == "v"]
     if not turns:
-        located.append(_Located(len(located), "v", "v", "vn", "a", "0.0", False, False, "turn"))
+        located.append(_Located(len(located), "v", "v", "vn", "a", kind="turn"))
         turns = [len(located) - 1]
     close = len(located)
     code, after, rate = "(lim - x)*sw", "(lim - xn)*sw", "(-v)*sw"
-    located.append(_Located(close, "end of the loop", code, after, rate, "0.0", False, False, "close"))
+    located.append(_Located(close, "end of the loop", code, after, rate, kind="close"))
     if corners:
         code, after = "corner - abs(x - xr)*iw", "corner - abs(xn - xr)*iw"
         # w times the direction over w squared: the direction over w
         rate = "(-v)*sw*iw*iw"
-        located.append(
-            _Located(close + 1, "before a corner", code, after, rate, "0.0", False, False, "corner")
-        )
+        located.append(_Located(close + 1, "before a corner", code, after, rate, kind="corner"))
     return turns[0], close
 
 

@@ -368,15 +368,11 @@ def _excited(force: ComplexArray, variance: Array) -> NDArray[np.bool_]:
     floor = np.maximum(noise, ROUND_OFF * largest)
     floored = np.maximum(size, floor)
     # a line below the noise or round-off is not excited
-    seen = np.flatnonzero(size > floor)
-    if not len(seen):
-        return np.zeros(len(size), dtype=bool)
-    ordered = np.sort(floored[1:])[::-1][: len(seen) + 1]
+    seen = size > floor
+    ordered = np.sort(floored[1:])[::-1][: np.count_nonzero(seen) + 1]
     ratio = ordered[:-1] / ordered[1:]
-    if not len(ratio) or float(ratio.max()) < _MIN_EXCITED_RATIO:
-        chosen = np.zeros(len(size), dtype=bool)
-        chosen[seen] = True
-        return chosen
+    if float(ratio.max(initial=0.0)) < _MIN_EXCITED_RATIO:
+        return np.asarray(seen)
     return np.asarray(size >= ordered[int(np.argmax(ratio))])
 
 
