@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from fractions import Fraction
 from textwrap import shorten
 
@@ -25,57 +24,48 @@ _STATES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class _Form:
-    """The dimension of a part of a law: what is known of it, times unknown ones to rational powers."""
+_UNKNOWN = "?"
+"""Begins a base that is no unit: the dimension of a parameter, or of a number, that is looked for."""
 
-    known: Dimension = NUMBER
-    unknown: Mapping[str, Fraction] = field(default_factory=dict)
 
-    def __mul__(self, other: _Form) -> _Form:
-        unknown = dict(self.unknown)
-        for name, power in other.unknown.items():
-            unknown[name] = unknown.get(name, Fraction(0)) + power
-        return _Form(self.known * other.known, {name: power for name, power in unknown.items() if power})
+def _unknown(name: str) -> Dimension:
+    return Dimension({_UNKNOWN + name: Fraction(1)})
 
-    def __truediv__(self, other: _Form) -> _Form:
-        return self * other ** Fraction(-1)
 
-    def __pow__(self, exponent: Fraction) -> _Form:
-        return _Form(self.known**exponent, {name: power * exponent for name, power in self.unknown.items()})
+def _unknowns(form: Dimension) -> list[str]:
+    """Return the unknown bases of a form: the dimension of a part of a law as far as it is known."""
+    return [base for base in form.powers if base.startswith(_UNKNOWN)]
 
-    @property
-    def settled(self) -> bool:
-        return not self.unknown
+
+def _known(form: Dimension) -> Dimension:
+    """Return a form without its unknown bases."""
+    return Dimension({base: power for base, power in form.powers.items() if not base.startswith(_UNKNOWN)})
 
 
 class _Equations:
     """Equations ``form = 1`` between dimensions, solved as they come in."""
 
     def __init__(self) -> None:
-        self.solved: dict[str, _Form] = {}
+        self.solved: dict[str, Dimension] = {}
 
-    def reduced(self, form: _Form) -> _Form:
+    def reduced(self, form: Dimension) -> Dimension:
         """The form with every solved unknown replaced."""
-        result = _Form(form.known)
-        for name, power in form.unknown.items():
-            result = result * (self.solved.get(name) or _Form(NUMBER, {name: Fraction(1)})) ** power
+        result = form
+        for base in self.solved.keys() & form.powers.keys():
+            power = form.powers[base]
+            result = result * (self.solved[base] / Dimension({base: Fraction(1)})) ** power
         return result
 
-    def add(self, form: _Form) -> Dimension | None:
+    def add(self, form: Dimension) -> Dimension | None:
         """Take in ``form = 1``; what contradicts it is returned as the dimension that is left over."""
         rest = self.reduced(form)
-        if rest.settled:
-            return rest.known if rest.known != NUMBER else None
-        name = min(rest.unknown, key=lambda other: (not other.startswith("("), other))
-        power = rest.unknown[name]
-        others = {other: value for other, value in rest.unknown.items() if other != name}
-        value = _Form(rest.known, others) ** (-1 / power)
-        for other, form_of in self.solved.items():
-            if name in form_of.unknown:
-                others = {key: exponent for key, exponent in form_of.unknown.items() if key != name}
-                self.solved[other] = _Form(form_of.known, others) * value ** form_of.unknown[name]
-        self.solved[name] = value
+        if not _unknowns(rest):
+            return rest if rest != NUMBER else None
+        base = min(_unknowns(rest), key=lambda other: (not other.startswith(_UNKNOWN + "("), other))
+        own = Dimension({base: Fraction(1)})
+        self.solved[base] = own / rest ** (1 / rest.powers[base])
+        for other in self.solved.keys() - {base}:
+            self.solved[other] = self.reduced(self.solved[other])
         return None
 
 
@@ -86,41 +76,41 @@ class _Law:
         self.equations = _Equations()
         self.known = known
         self.faults: list[str] = []
-        self.later: list[tuple[_Form, ...]] = []
+        self.later: list[tuple[Dimension, ...]] = []
         self.fresh = 0
         self.states: set[sympy.Symbol] = set()
 
-    def unknown(self) -> _Form:
+    def unknown(self) -> Dimension:
         self.fresh += 1
-        return _Form(NUMBER, {f"({self.fresh})": Fraction(1)})
+        return _unknown(f"({self.fresh})")
 
     def of_force(self, force: sympy.Expr) -> None:
         terms = sympy.Add.make_args(force)
         forms = [(term, self.form(term)) for term in terms]
         for term, form in forms:
-            if form is not None and (form.unknown or self._declared(term)):
-                self.equal(term, form, _Form(FORCE), "a force is needed")
+            if form is not None and (_unknowns(form) or self._declared(term)):
+                self.equal(term, form, FORCE, "a force is needed")
         while self.later:  # what is most probably meant, where nothing speaks against it
             probable = self.later.pop(0)
-            if all(not self.equations.reduced(form).settled for form in probable):
+            if all(_unknowns(self.equations.reduced(form)) for form in probable):
                 for form in probable:
                     self.equations.add(form)
 
     def _declared(self, part: sympy.Expr) -> dict[str, Fraction]:
         return {s.name: Fraction(1) for s in part.free_symbols if s.name in self.known}
 
-    def equal(self, part: sympy.Expr, form: _Form, wanted: _Form, need: str) -> None:
+    def equal(self, part: sympy.Expr, form: Dimension, wanted: Dimension, need: str) -> None:
         left = self.equations.add(form / wanted)
         if left is None:
             return
         found = self.equations.reduced(form)
-        sentence = f"{part} is in {found.known}, {need}" if found.settled else f"{part}: {need}"
+        sentence = f"{part}: {need}" if _unknowns(found) else f"{part} is in {found}, {need}"
         for name in sorted(symbol.name for symbol in part.free_symbols):
             power = self._power(part, name)
             has = self.equations.reduced(self.named(name))
-            if power and name not in _STATES and has.settled:
-                sentence += f": {name} must be in {has.known / left ** (1 / power)}"
-                sentence += "" if name in self.known else f" here, elsewhere in {has.known}"
+            if power and name not in _STATES and not _unknowns(has):
+                sentence += f": {name} must be in {has / left ** (1 / power)}"
+                sentence += "" if name in self.known else f" here, elsewhere in {has}"
                 break
         self.faults.append(sentence)
 
@@ -133,26 +123,25 @@ class _Law:
         ]
         return Fraction(int(powers[0].p), int(powers[0].q)) if powers and powers[0].is_Rational else None
 
-    def named(self, name: str) -> _Form:
+    def named(self, name: str) -> Dimension:
         """The dimension of a state or parameter."""
-        dimension = _STATES.get(name) or self.known.get(name)
-        return _Form(NUMBER, {name: Fraction(1)}) if dimension is None else _Form(dimension)
+        return _STATES.get(name) or self.known.get(name) or _unknown(name)
 
-    def form(self, part: sympy.Expr) -> _Form | None:
+    def form(self, part: sympy.Expr) -> Dimension | None:
         """The dimension of a part, None for a number, which may stand for a value of any unit."""
         if part.is_number:
             return None
         if part.is_Symbol:
             return self.named(part.name)
         if part.is_Mul:
-            result = _Form()
+            result = NUMBER
             number, rest = part.as_coeff_Mul()
             if _may_carry_unit(number, rest):
                 result = self.unknown()
                 # a plain one where nothing speaks against it
                 self.later.append((result,))
             for factor in part.args:
-                result = result * (self.form(factor) or _Form())
+                result = result * (self.form(factor) or NUMBER)
             return result
         if part.is_Pow:
             return self._power_form(part)
@@ -167,60 +156,60 @@ class _Law:
             return self._alike(part, [pair.expr for pair in part.args])
         if isinstance(part, sympy.sign | sympy.Heaviside):
             self.form(part.args[0])
-            return _Form()
+            return NUMBER
         if isinstance(part, sympy.atan2):
             self._alike(part, part.args)
-            return _Form()
+            return NUMBER
         if isinstance(part, Masing):
             return self.form(part.args[0])
         if isinstance(part, Structural):
-            return (self.form(part.args[0]) or _Form()) * _Form(_LENGTH)
+            return (self.form(part.args[0]) or NUMBER) * _LENGTH
         if isinstance(part, State):
             return self._state_form(part)
         for argument in part.args:
             self._plain(argument, f"a plain number is needed in {part.func.__name__}")
-        return _Form()
+        return NUMBER
 
-    def _state_form(self, state: State) -> _Form:
+    def _state_form(self, state: State) -> Dimension:
         """The dimension of a state z: its equation gives z a second."""
         for z, rate in state.equations.items():
             form = self.form(rate)
             if form is not None and z not in self.states:
                 self.states.add(z)
-                self.equal(rate, form, self.named(str(z)) / _Form(_TIME), f"{z}' is needed")
+                self.equal(rate, form, self.named(str(z)) / _TIME, f"{z}' is needed")
         return self.named(state.name)
 
     def _plain(self, argument: sympy.Expr, need: str) -> None:
         form = self.form(argument)
-        if form is not None and (form.unknown or self._declared(argument)):
-            self.equal(argument, form, _Form(), need)
+        if form is not None and (_unknowns(form) or self._declared(argument)):
+            self.equal(argument, form, NUMBER, need)
 
-    def _power_form(self, part: sympy.Expr) -> _Form:
-        base = self.form(part.base) or _Form()
+    def _power_form(self, part: sympy.Expr) -> Dimension:
+        base = self.form(part.base) or NUMBER
         if part.exp.is_Rational:
             return base ** Fraction(int(part.exp.p), int(part.exp.q))
         self._plain(part.exp, "a plain number is needed as an exponent")
-        if base.settled and base.known == NUMBER:
+        if base == NUMBER:
             return base
         result = self.unknown()
-        if base.unknown:
+        if _unknowns(base):
             self.later.append((base, result))
         return result
 
-    def _alike(self, whole: sympy.Basic, parts: Iterable[sympy.Expr]) -> _Form | None:
+    def _alike(self, whole: sympy.Basic, parts: Iterable[sympy.Expr]) -> Dimension | None:
         """Parts that are added or compared have one dimension; a number among them may have any."""
         forms = [(part, self.form(part)) for part in parts]
         proper = [(part, form) for part, form in forms if form is not None]
         if not proper:
             return None
-        telling = [(part, form) for part, form in proper if form.unknown or self._declared(part)]
+        telling = [(part, form) for part, form in proper if _unknowns(form) or self._declared(part)]
         if not telling:  # only states and numbers: the numbers may carry units
             return proper[0][1]
-        reference = next((form for part, form in proper if form.settled), telling[0][1])
+        reference = next((form for part, form in proper if not _unknowns(form)), telling[0][1])
         for part, form in telling:
             if form is not reference:
                 terms = shorten(str(whole), width=80, placeholder=" ...")
-                self.equal(part, form, reference, f"{reference.known} is needed in {terms}")
+                self.equal(part, form, reference, f"{_known(reference)} is needed in {terms}")
         if len(proper) < len(forms) and any(part != 0 for part, form in forms if form is None):
             self.later.append((reference,))
         return reference
@@ -272,7 +261,7 @@ def parameter_units(force: sympy.Expr) -> dict[str, str]:
     units = {}
     for name in sorted(symbol.name for symbol in force.free_symbols if symbol.name not in _STATES):
         form = law.equations.reduced(law.named(name))
-        units[name] = str(form.known) if form.settled else ""
+        units[name] = "" if _unknowns(form) else str(form)
     return units
 
 
