@@ -159,14 +159,11 @@ def has_real_powers(force: sympy.Expr) -> bool:
     return any(not power.exp.is_Integer for power in force.atoms(sympy.Pow) if power.base is not sympy.E)
 
 
-def _intervals(angles: Array, first: float, last: float) -> tuple[NDArray[np.intp], Array, Array]:
-    """Cut [first, last] of every cycle at its angles: row, start, stop of each interval."""
-    n = len(angles)
-    ends = [np.full((n, 1), first), np.clip(angles, first, last), np.full((n, 1), last)]
-    if last - first > np.pi:
-        # a whole cycle without switches is too long for 21 nodes
-        ends.append(np.broadcast_to(first + (last - first) * np.array([0.25, 0.5, 0.75]), (n, 3)))
-    cuts = np.sort(np.concatenate(ends, axis=1), axis=1)
+def _intervals(angles: Array) -> tuple[NDArray[np.intp], Array, Array]:
+    """Cut every cycle at its angles, from -pi/2 to 3 pi/2: row, start, stop of each interval."""
+    # a whole cycle without switches is too long for 21 nodes
+    quarters = np.broadcast_to(np.linspace(-0.5, 1.5, 5) * np.pi, (len(angles), 5))
+    cuts = np.sort(np.concatenate([quarters, angles], axis=1), axis=1)
     rows, columns = np.nonzero(np.diff(cuts, axis=1) > 1e-15)
     return rows, cuts[rows, columns], cuts[rows, columns + 1]
 
@@ -231,20 +228,11 @@ MAX_RELATIVE_ERROR = 1e-7
 
 
 def _project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cycle) -> Projections:
-    """Project a law on cycles: every interval between switching angles is halved until it is accurate.
-
-    A law of x alone or v alone is symmetric, so that half a cycle is enough.
-    """
+    """Project a law on cycles: every interval between switching angles is halved until it is accurate."""
     n = len(cycle.X)
     law = compiled((force,), (symbol("x"), symbol("v"), *parameters))
-    in_x, in_v = force.has(symbol("x")), force.has(symbol("v"))
-    # a law of x (of v) alone is symmetric about phi = pi/2 (phi = 0): half a cycle is enough
-    first, last = (-np.pi / 2, 3 * np.pi / 2) if in_x and in_v else (-np.pi / 2, np.pi / 2)
-    if in_v and not in_x:
-        first, last = 0.0, np.pi
-    double = 1.0 if in_x and in_v else 2.0
     crowded = has_real_powers(force)
-    rows, start, stop = _intervals(switching_angles(normal_form(force), parameters, cycle), first, last)
+    rows, start, stop = _intervals(switching_angles(normal_form(force), parameters, cycle))
     # the parts of these intervals that are still inaccurate, as shares of them
     low, high = np.zeros(len(rows)), np.ones(len(rows))
     sums, errors = np.zeros((4, n)), np.zeros(n)
@@ -259,7 +247,7 @@ def _project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cyc
             infinite[rows[overflow]] = True
             if depth == 0:
                 size += np.bincount(rows, np.where(overflow, 0, fine[3]), n)
-            length = (high - low) * (stop - start) / (last - first)
+            length = (high - low) * (stop - start) / (2 * np.pi)
             allowed = np.maximum(RELATIVE_TOLERANCE * size[rows] * np.maximum(length, 0.05), 4e-15 * fine[3])
             done = (error <= allowed) | ~np.isfinite(error) | infinite[rows]
         if depth > 0:
@@ -275,13 +263,13 @@ def _project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cyc
         rows = np.tile(rows[again], 2)
         start, stop = np.tile(start[again], 2), np.tile(stop[again], 2)
     infinite |= errors > MAX_RELATIVE_ERROR * sums[3]
-    sums *= double
-    if not in_v:
+    # a law of x (of v) alone is symmetric about phi = pi/2 (phi = 0)
+    if not force.has(symbol("v")):
         sums[1] = 0.0
-    if not in_x:
+    if not force.has(symbol("x")):
         sums[0] = 0.0
     sums[:, infinite] = np.nan
-    return Projections(sums[0], sums[1], sums[2], sums[3], errors * double)
+    return Projections(*sums, errors)
 
 
 # ----------------------------------------------------------------------------
