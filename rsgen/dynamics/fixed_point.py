@@ -337,12 +337,9 @@ class PeriodMap:
         points r times in a row.
         """
         several = y.shape[1] // max(len(points), 1)
-        if several > 1:
-            points = np.concatenate([points] * several)
+        points, steps = np.tile(points, several), np.tile(steps, several)
         if len(steps) and (steps == steps[0]).all():
             return self._integrate(points, y, int(steps[0]), periods, harmonics, peaks, transient)
-        if several > 1:
-            steps = np.concatenate([steps] * several)
         k, columns = len(points), 0 if harmonics is None else harmonics + 1
         whole = Integrated(
             np.empty((len(y), k)),
@@ -421,14 +418,8 @@ def correction(jacobian: Array, residual: Array) -> Array:
     c, d = jacobian[1, 0], 1 - jacobian[1, 1]
     det = a * d - b * c
     regular = np.abs(det) > ROUND_OFF
-    if not regular.all():
-        det = np.where(regular, det, 1.0)
-    move = np.empty_like(residual)
-    move[0] = (d * residual[0] + b * residual[1]) / det
-    move[1] = (a * residual[1] + c * residual[0]) / det
-    if not regular.all():
-        move[:, ~regular] = residual[:, ~regular]
-    return move
+    turned = np.stack([d * residual[0] + b * residual[1], a * residual[1] + c * residual[0]])
+    return np.where(regular, turned / np.where(regular, det, 1.0), residual)
 
 
 def _correction(jacobian: Array, residual: Array) -> Array:
@@ -496,7 +487,7 @@ def find_fixed_points(
     jacobian = np.zeros((len(y), len(y), k))
     found = np.zeros(k, dtype=bool)
     reach = 10 * (norm(y) + least)
-    active, here, all_active = np.arange(k), y, True
+    active, here = np.arange(k), y
     # more states make a Jacobian dear
     spared = spared or len(y) > 2
     slope = jacobian
@@ -511,19 +502,12 @@ def find_fixed_points(
         there = here + move
         sane = np.isfinite(length) & (norm(there) < reach)
         done = sane & (length <= tolerance * size)
-        if all_active and sane.all():
-            y, jacobian = there, slope
-        else:
-            y[:, active[sane]] = there[:, sane]
-            jacobian[:, :, active] = slope
+        y[:, active[sane]] = there[:, sane]
+        jacobian[:, :, active] = slope
         found[active[done]] = True
         left = sane & ~done
         if not left.any():
             break
-        if left.all():
-            here = there
-            continue
-        all_active = False
         active, points, steps = active[left], points[left], steps[left]
         least, reach, slope = least[left], reach[left], slope[:, :, left]
         here = there[:, left]

@@ -256,20 +256,16 @@ def _solve(
         length = norm(move)
         # nearly singular, a step may lead to any amplitude: the motion stays, and the next derivatives decide
         near = norm(here + move) <= largest
-        there = here + move if near.all() else here + np.where(near, move, 0.0)
+        there = here + np.where(near, move, 0.0)
         if record is not None:
             size = np.maximum(norm(here), least)
             done = near & (length <= tolerance * size)
-            ready = slice(None) if done.all() else done
-            at = active[ready]
-            result.y[:, at] = there[:, ready]
-            result.harmonics[at, : harmonics + 1] = moved.harmonics[ready]
-            result.residual[at] = (norm(residual) / size)[ready]
+            at, left = active[done], ~done
+            result.y[:, at] = there[:, done]
+            result.harmonics[at, : harmonics + 1] = moved.harmonics[done]
+            result.residual[at] = (norm(residual) / size)[done]
             if peaks:
-                result.peak[at] = moved.peak[ready]
-            if done.all():
-                return
-            left = ~done
+                result.peak[at] = moved.peak[done]
             active, mine, least, largest = active[left], mine[left], least[left], largest[left]
             slope, there = slope[:, :, left], there[:, left]
         here = there
