@@ -79,11 +79,6 @@ def is_zero(term: sympy.Expr) -> bool:
 
 def step(x: sympy.Expr | None = None, v: sympy.Expr | None = None, other: sympy.Expr | None = None) -> Form:
     """Return the form of one unit step: H(x - threshold), H(v - threshold) or H(other)."""
-    threshold = x if x is not None else v
-    if threshold is sympy.oo:
-        return {}
-    if threshold is sympy.S.NegativeInfinity:
-        return constant(1)
     return {Key(x, v, frozenset() if other is None else frozenset((other,))): sympy.S.One}
 
 

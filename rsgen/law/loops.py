@@ -480,8 +480,6 @@ class Loops:
     @np.errstate(over="ignore", invalid="ignore")  # what overflows is not finite
     def states(self, motion: tuple[Array, Array, Array], step: Array, values: Array) -> Array:
         """(r, n, s) states with equations along whole periods (n, s)."""
-        if not self._equations:
-            return np.zeros((0, *motion[0].shape))
         return periodic_states(self._equations, motion, step, values)
 
     @np.errstate(over="ignore", invalid="ignore")

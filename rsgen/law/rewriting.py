@@ -251,10 +251,6 @@ def _power(power: sympy.Pow) -> Form:
     """Rewrite a power: whole powers are multiplied out, of others the sign goes to the base."""
     base, exponent = power.as_base_exp()
     if exponent.is_Integer and 0 < exponent <= MAX_EXPONENT:
-        if isinstance(base, sympy.Abs):
-            inner = base.args[0]
-            even = inner ** (exponent - exponent % 2)
-            return multiply(_form(even), _absolute(inner)) if exponent % 2 else _form(even)
         return multiply(*[_form(base)] * int(exponent))
     if exponent.is_Integer and isinstance(base, sympy.Abs):
         inner = base.args[0]
