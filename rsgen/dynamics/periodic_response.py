@@ -25,7 +25,7 @@ from rsgen.common.tolerances import HARMONIC_TRUNCATION
 from rsgen.data.multisine.spectra import MultisineSpectra, rms
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.virtual_test import MultisineTest
-from rsgen.law.motion import harmonics_of, waveform
+from rsgen.law.motion import Motion, harmonics_of, waveform
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -136,6 +136,7 @@ def periodic_response(
     omega0: float,
     force: ComplexArray,
     start: ComplexArray | None = None,
+    far: ComplexArray | None = None,
 ) -> PeriodicResponse:
     """Compute the periodic response to a periodic force.
 
@@ -152,8 +153,13 @@ def periodic_response(
     start
         (H+1,) a motion near it [m], from which alone the method starts; None: the motion of the law's slopes
         at rest, or one under a smaller force; not converged where the stiffness at rest is negative.
+    far
+        (H+1,) the motion across two sensors less the share of the response in it [m], if some elements follow
+        it; with a ``start``.
     """
     samples = 1 << (OVERSAMPLED * len(force) - 1).bit_length()
+    if far is not None:
+        law = law.with_far(Motion(np.array([omega0]), far[None]).waveforms(samples))
     problem = _Problem(law, values, mass, omega0, force, samples)
     with np.errstate(all="ignore"):
         return _from_rest(problem) if start is None else _solve(problem, start)
