@@ -269,7 +269,7 @@ def _project(force: sympy.Expr, parameters: tuple[sympy.Symbol, ...], cycle: Cyc
     if not force.has(symbol("x")):
         sums[0] = 0.0
     sums[:, infinite] = np.nan
-    return Projections(*sums, errors)
+    return Projections(sums[0], sums[1], sums[2], sums[3], errors)
 
 
 # ----------------------------------------------------------------------------
