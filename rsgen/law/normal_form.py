@@ -151,7 +151,7 @@ def _order(key: Key) -> tuple[object, ...]:
 
 
 @lru_cache(maxsize=512)
-def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> NormalForm:
+def normal_form(force: sympy.Expr) -> NormalForm:
     """Reduce a law to smooth pieces behind switches (abs, sign, Heaviside, Piecewise, Min, Max disappear).
 
     The value on a switch itself (sign(0), Heaviside(0)) is lost: it has measure zero. A switch function
@@ -161,10 +161,8 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
     Parameters
     ----------
     force
-        The law n(x, v).
-    positive
-        Names of parameters known to be positive. A law whose pieces depend on the sign of a parameter has
-        fewer pieces then; without, the form holds for either sign.
+        The law n(x, v). It has fewer pieces where the sign of a parameter on which they depend is known to
+        SymPy; else the form holds for either sign.
 
     The form of a law with memory is that of f(x, v, z); its states are ``Inner`` symbols (``memory_form``).
 
@@ -180,13 +178,7 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
     >>> [(str(p.term), [str(s.function) for s in p.switches]) for p in normal_form(parse("sign(v)")).pieces]
     [('-1', []), ('2', ['v'])]
     """
-    known = {symbol(name): sympy.Dummy(name, positive=True) for name in positive}
-    back = {dummy: free for free, dummy in known.items()}
-
-    def renamed(expression: sympy.Expr) -> sympy.Expr:
-        return expression.xreplace(back)
-
-    form = reduce_law(_along_states(force).xreplace(known))
+    form = reduce_law(_along_states(force))
     operations = sum(term.count_ops() for term in form.values())
     operations += sum(function.count_ops() for key in form for function in key.others)
     if operations > MAX_OPERATIONS:
@@ -194,7 +186,7 @@ def normal_form(force: sympy.Expr, positive: frozenset[str] = frozenset()) -> No
             f"law: its pieces, multiplied out, take {operations} operations, at most {MAX_OPERATIONS} are "
             "allowed; write it with fewer abs, sign, Min, Max, Piecewise or powers of sums"
         )
-    return _sorted({_mapped(key, renamed): renamed(term) for key, term in form.items()})
+    return _sorted(form)
 
 
 def normal_form_at(force: sympy.Expr, values: Mapping[str, float]) -> NormalForm:

@@ -125,15 +125,15 @@ def terms_of(force: sympy.Expr) -> frozenset[str]:
     states = {z: sympy.Symbol(f"z {number}", real=True) for number, z in enumerate(rates_of(force))}
     found = []
     for order in permutations(law.nonlinear):
-        names = {symbol(law.parameters[i]): symbol(f"p{rank}") for rank, i in enumerate(order)}
+        places = {symbol(law.parameters[i]): rank for rank, i in enumerate(order)}
+        names = {name: sympy.Symbol(f"p{rank}", positive=True) for name, rank in places.items()}
         plain = force.xreplace(names | states)
-        positive = frozenset(map(str, names.values()))
         linear = [symbol(law.parameters[i]) for i in law.linear]
         parts = [_factor_of(plain, parameter) for parameter in linear]
         parts.append(plain.xreplace(dict.fromkeys(linear, sympy.S.Zero)))
         found.append(
-            sorted(_plain_text(part, positive) for part in parts)
-            + [f"{z}' = {_plain_text(rate, positive)}" for z, rate in rates_of(plain).items()]
+            sorted(map(_plain_text, parts))
+            + [f"{z}' = {_plain_text(rate)}" for z, rate in rates_of(plain).items()]
         )
     return frozenset(min(found))
 
@@ -149,13 +149,13 @@ def _factor_of(force: sympy.Expr, parameter: sympy.Symbol) -> sympy.Expr:
     return found
 
 
-def _plain_text(force: sympy.Expr, positive: frozenset[str]) -> str:
+def _plain_text(force: sympy.Expr) -> str:
     """Return the normal form of a force or a rate as text, with the virgin curves that it has."""
     curves = {}
     for loop in force.atoms(Masing):
-        virgin = normal_form(real_powers(loop.args[0]), positive).expression
+        virgin = normal_form(real_powers(loop.args[0])).expression
         curves[loop] = sympy.Symbol(f"masing({virgin})", real=True) if virgin else sympy.S.Zero
-    return str(normal_form(force.xreplace(curves), positive).expression)
+    return str(normal_form(force.xreplace(curves)).expression)
 
 
 @dataclass(frozen=True)
