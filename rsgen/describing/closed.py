@@ -104,13 +104,10 @@ def _split(kind: type, shift: sympy.Expr) -> list[tuple[sympy.Expr, type]]:
         return [(sympy.S.One, kind)]
     if kind is sympy.exp:
         return [(sympy.exp(shift), sympy.exp)]
-    if kind is sympy.sin:
-        return [(sympy.cos(shift), sympy.sin), (sympy.sin(shift), sympy.cos)]
-    if kind is sympy.cos:
-        return [(sympy.cos(shift), sympy.cos), (-sympy.sin(shift), sympy.sin)]
-    if kind is sympy.sinh:
-        return [(sympy.cosh(shift), sympy.sinh), (sympy.sinh(shift), sympy.cosh)]
-    return [(sympy.cosh(shift), sympy.cosh), (sympy.sinh(shift), sympy.sinh)]
+    odd, even = (sympy.sin, sympy.cos) if kind in _CIRCULAR else (sympy.sinh, sympy.cosh)
+    if kind is odd:
+        return [(even(shift), odd), (odd(shift), even)]
+    return [(even(shift), even), (odd(shift) * (-1 if kind in _CIRCULAR else 1), odd)]
 
 
 def _derivative(kind: type, order: int, z: sympy.Expr) -> sympy.Expr:

@@ -61,7 +61,6 @@ class _Reader:
         self.number = 0
         self.sign = "\t"
         self.decimal = "."
-        self.abscissas = "one"
 
     def fail(self, what: str) -> MeasurementError:
         return MeasurementError(f"line {self.number}: {what}")
@@ -104,7 +103,6 @@ class _Reader:
         decimal = (found.get("Decimal_Separator") or ["."])[0]
         # between commas a comma stands for nothing
         self.decimal = "," if decimal == "," and self.sign != "," else "."
-        self.abscissas = (found.get("X_Columns") or ["One"])[0].casefold()
 
     def segments(self) -> Iterator[_Segment]:
         cells = self.next()
@@ -275,9 +273,9 @@ def _abscissas(group: Any) -> Iterator[Node]:
     waves = [channel for channel in group.channels() if _step(channel.properties) and len(channel)]
     sampled = [wave for wave in waves if _unit_of_steps(wave.properties) in _PERIODS]
     rates = {1 / _step(wave.properties) for wave in sampled}
-    taken = {channel.name for channel in group.channels()}
-    for wave in sampled if len(rates) > 1 or "rate" in taken else sampled[:1]:
-        path = f"{group.name}/{wave.name}/rate" if len(rates) > 1 or "rate" in taken else f"{group.name}/rate"
+    several = len(rates) > 1 or "rate" in {channel.name for channel in group.channels()}
+    for wave in sampled if several else sampled[:1]:
+        path = f"{group.name}/{wave.name}/rate" if several else f"{group.name}/rate"
         rate = np.array(1 / _step(wave.properties))
         yield Node(path, (), "float64", load=partial(np.asarray, rate), unit="Hz", remark="sampling rate")
     for wave in waves:

@@ -84,10 +84,6 @@ _MAX_NESTED_FUNCTIONS = (
 _SWITCHING = (sympy.Abs, sympy.sign, sympy.Min, sympy.Max, sympy.Heaviside, sympy.Piecewise, Masing)
 
 
-def _multiplied(terms: Sequence[int]) -> int:
-    return math.prod(terms)
-
-
 def _switched(terms: Sequence[int]) -> int:
     return 2 * math.prod(terms)
 
@@ -109,7 +105,7 @@ class Function:
     fewest: int
     most: int
     usage: str
-    terms: Callable[[Sequence[int]], int] = _multiplied
+    terms: Callable[[Sequence[int]], int] = math.prod
     head: type[sympy.Basic] | None = None
 
 
