@@ -433,17 +433,8 @@ def _within(expression: sympy.Expr) -> sympy.Expr:
     if not _switches(expression):
         return expression
     if isinstance(expression, SWITCHING):
-        return _written(_form(expression)) if not _plain(expression) else expression
+        return _written(_form(expression))
     return expression.func(*(_within(a) if isinstance(a, sympy.Expr) else a for a in expression.args))
-
-
-def _plain(expression: sympy.Expr) -> bool:
-    """Decide whether this is the distance from one switch, Abs(x - b) or Abs(v - w)."""
-    if not isinstance(expression, sympy.Abs):
-        return False
-    inner = expression.args[0]
-    return any(inner.diff(s) in (1, -1) and len(inner.free_symbols & {STATE_X, STATE_V}) == 1
-               for s in (STATE_X, STATE_V))  # fmt: skip
 
 
 def _function_of(single: Key) -> sympy.Expr:
@@ -457,9 +448,9 @@ def _function_of(single: Key) -> sympy.Expr:
 
 def _written(form: Form) -> sympy.Expr:
     """Write a form as one expression; a continuous change of slope at one switch becomes Abs."""
-    rest = without_signs(form).get(ALWAYS, sympy.S.Zero)
-    total = sympy.S.Zero
-    for key, term in without_signs(form).items():
+    form = without_signs(form)
+    rest, total = form.get(ALWAYS, sympy.S.Zero), sympy.S.Zero
+    for key, term in form.items():
         singles = _singles(key)
         if not singles:
             continue
