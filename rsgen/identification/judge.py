@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rsgen.identification  # profiles, for laws with nonlinear parameters
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.common.tolerances import (
@@ -112,7 +112,6 @@ from rsgen.identification.starting.start import with_phase
 from rsgen.identification.terms import alternatives_to, moves_with_mass
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
-from rsgen.law.motion import Motion
 
 # ----------------------------------------------------------------------------
 # From a surface and a model to points that can be used, and what is fitted to them.
@@ -469,7 +468,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         # the sum of squares of other laws is nearly quadratic
         stated = replace(stated, refined=rsgen.identification.with_profiles(refined, stated.refined))
     stated = replace(stated, refined=name_exchanged(refined, errors.regression, stated.refined))
-    first = _FirstOrder.of(kept, refined)
+    first = _FirstOrder(kept, refined.select(np.flatnonzero(used)))
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     background = _background(refined, errors.with_background, surface.units, resonances)
     curve = equivalent_curve(surface, points, refined, force_units(model, surface.units), model.observation)
@@ -553,48 +552,29 @@ def _mode(table: Table, found: Fit) -> Table:
 
 @dataclass(frozen=True, eq=False)
 class _FirstOrder:
-    """One harmonic fitted to the points of the mode, once it is asked for.
+    """One harmonic fitted to the ``points`` (n,) of the mode that a ``refined`` fit of them used."""
 
-    Parameters
-    ----------
-    problem, near
-        The points without outliers and background, and (q,) refined parameters.
-    force, motion, turn
-        Of the refined model: (n,) [N], motion relative to a fundamental of phase zero, and its phase [rad].
-    """
+    points: Points
+    refined: Fit
 
-    problem: Problem
-    near: Array
-    force: ComplexArray
-    motion: Motion
-    turn: Array
-
-    @classmethod
-    def of(cls, points: Points, refined: Fit) -> _FirstOrder:
-        """Take the points of the mode that the refined fit used."""
-        used, count = refined.regression.used, refined.problem.count
-        motion = Motion(points.omega, refined.harmonics[used])
-        problem = replace(refined.problem, observed=Observed.of(points))
-        near = refined.regression.parameters[:count]
-        return cls(problem, near, refined.force[used], motion, refined.turn[used])
+    def _fit(self, points: Points, start: Array) -> Fit:
+        problem = replace(self.refined.problem, observed=Observed.of(points))
+        return fit_balance(problem, start, order=1, exclude=False)
 
     @cached_property
     def fit(self) -> Fit:
         """First order, from values near the solution."""
-        return fit_balance(self.problem, self.near, order=1, exclude=False)
+        return self._fit(self.points, self.refined.regression.parameters[: self.refined.problem.count])
 
     def bias(self) -> Array:
         """Return the error of the first-order fit on the noise-free response of the refined model."""
-        points, predicted = self.problem.observed.points, self.motion.turned(self.turn).harmonics
-        count = points.harmonics.shape[1]
-        harmonics = np.zeros((len(points), max(count, predicted.shape[1])), dtype=complex)
+        refined, near = self.refined, self.refined.regression.parameters[: self.refined.problem.count]
+        predicted, count = refined.motion.harmonics, self.points.harmonics.shape[1]
+        harmonics = np.zeros((len(self.points), max(count, predicted.shape[1])), dtype=complex)
         harmonics[:, : predicted.shape[1]] = predicted
         if not np.isfinite(harmonics).all():
-            return np.full(self.problem.count, np.nan)
-        force = self.force * np.exp(1j * self.turn)
-        exact = replace(points, force=force, harmonics=harmonics[:, :count])
-        problem = replace(
-            self.problem, observed=Observed.of(exact.select(exact.spread(2 * SUBSAMPLE_POINTS)))
-        )
-        again = fit_balance(problem, self.fit.regression.parameters, order=1, exclude=False)
-        return again.regression.parameters - self.near
+            return np.full(len(near), np.nan)
+        force = refined.force * np.exp(1j * refined.turn)
+        exact = replace(self.points, force=force, harmonics=harmonics[:, :count])
+        again = self._fit(exact.select(exact.spread(2 * SUBSAMPLE_POINTS)), self.fit.regression.parameters)
+        return again.regression.parameters - near
