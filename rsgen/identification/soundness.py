@@ -112,8 +112,8 @@ def exclusion_findings(
     tested: int,
     level_unit: str,
     *,
+    stopped: NDArray[np.bool_],
     decays: bool = False,
-    stopped: NDArray[np.bool_] | None = None,
 ) -> list[Finding]:
     """Find too many excluded points, and excluded points that are neighbours.
 
@@ -125,18 +125,17 @@ def exclusion_findings(
         Number of points of the test.
     level_unit
         Unit of the levels: "N", or "m" with response control.
-    decays
-        True for a free decay, whose small motions may be excluded for noise: only the large half counts.
     stopped
         (n,) points that are no evidence against the law; see ``stopped_points``.
+    decays
+        True for a free decay, whose small motions may be excluded for noise: only the large half counts.
     """
     if not excluded.any():
         return []
     numbers = quantities(excluded=int(np.count_nonzero(excluded)), points=len(points), all=tested)
     if decays:
         excluded = excluded & (points.amplitude > np.median(points.amplitude))
-    if stopped is not None:
-        excluded = excluded & ~stopped
+    excluded = excluded & ~stopped
     count = int(np.count_nonzero(excluded))
     limits = MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE
     severity = severity_of(count / len(points), *limits) if count > _MAX_SINGLE_EXCLUDED else "warning"

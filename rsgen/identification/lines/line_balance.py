@@ -248,13 +248,10 @@ class Balance:
         (r, H+1) F - m (i h omega0)^2 X - (N - bias) [N], the bias of ``BalanceNoise``.
     slopes
         (r, q, H+1) minus its derivatives by the values of the law, the mass, and the background.
-    mean
-        (r,) mean displacement, measured or computed from the law [m].
     """
 
     residual: ComplexArray
     slopes: ComplexArray
-    mean: Array
 
     @classmethod
     def of(
@@ -265,8 +262,7 @@ class Balance:
         bias = noise.bias + np.einsum("rph,p->rh", noise.bias_by_parameter, values - noise.values)
         slopes = np.stack([part.slopes for part in parts])
         slopes[:, : len(values)] -= noise.bias_by_parameter
-        residual = np.stack([part.balance for part in parts]) + bias
-        return cls(residual, slopes, np.array([part.mean for part in parts]))
+        return cls(np.stack([part.balance for part in parts]) + bias, slopes)
 
     @staticmethod
     def damping(lines: SpectralLines, law: ForceLaw, values: Array, mass: float) -> Array:
@@ -315,8 +311,6 @@ class LawSpectra:
     ----------
     balance, slopes
         (H+1,) [N] and (q, H+1), as of ``Balance``.
-    mean
-        Mean of x [m].
     trajectory
         x, v, a (1, s), and their sampling interval [s].
     by_x, by_v
@@ -327,7 +321,6 @@ class LawSpectra:
 
     balance: ComplexArray
     slopes: ComplexArray
-    mean: float
     trajectory: tuple[Array, Array, Array, Array]
     by_x: Array
     by_v: Array
@@ -378,7 +371,7 @@ class LawAlongRecord:
         inertia = self._mass * self._rate**2
         before = float("inf")
         for _ in range(MAX_TRIAL_STEPS):
-            x, v, a, step, _ = self._waves(self._motion(self._response, found))
+            x, v, a, step = self._waves(self._motion(self._response, found))
             sample = self._law.sample(x, v, a, step, self._values)
             stiffness = float(np.max(np.abs(sample.by_x)))
             solved = low | (high & (np.abs(inertia) > _MIN_INERTIA_TO_STIFFNESS * stiffness))
@@ -440,7 +433,7 @@ class LawAlongRecord:
         """Evaluate a law along a motion."""
         lines, values, count = self._lines, self._values, len(response)
         motion = self._motion(response, computed)
-        x, v, a, step, mean = self._waves(motion)
+        x, v, a, step = self._waves(motion)
         sample = law.sample(x, v, a, step, values)
         by_x, by_v = (np.broadcast_to(part, x.shape)[0] for part in (sample.by_x, sample.by_v))
         force_change, motion_change = lines.change_of_mode(self._record, force)
@@ -466,7 +459,7 @@ class LawAlongRecord:
         spectra = self._spectrum(np.concatenate([np.broadcast_to(sample.force, x.shape), columns]))
         balance = force - self._mass * self._rate[:count] ** 2 * response - spectra[0, :count]
         slopes = spectra[1:, :count] - direct
-        return LawSpectra(balance, slopes, mean, (x, v, a, step), by_x, by_v, dynamic)
+        return LawSpectra(balance, slopes, (x, v, a, step), by_x, by_v, dynamic)
 
     def _with_mean(self, columns: Array, by_x: Array) -> Array:
         """Add what the mean displacement, where the law gives it, answers to forces (n, s)."""
@@ -480,15 +473,14 @@ class LawAlongRecord:
         motion[: len(response)][self._measured] = response[self._measured]
         return motion
 
-    def _waves(self, motion: ComplexArray) -> tuple[Array, Array, Array, Array, float]:
-        """Return x, v, a (1, s) of a motion, their sampling interval [s], and the mean of x [m]."""
-        lines, mean = self._lines, float(motion[0].real)
-        waves = Motion(self._base, motion[None])
+    def _waves(self, motion: ComplexArray) -> tuple[Array, Array, Array, Array]:
+        """Return x, v, a (1, s) of a motion, and their sampling interval [s]."""
+        lines, waves = self._lines, Motion(self._base, motion[None])
         x, v, a = waves.waveforms(lines.samples)
         step = waves.interval(lines.samples)
         if not lines.spectra.mean_known:
-            x, mean = _balance_mean(self._law, x - mean, v, a, step, self._values)
-        return x, v, a, step, mean
+            x = _balance_mean(self._law, x - float(motion[0].real), v, a, step, self._values)
+        return x, v, a, step
 
     def _motion_slopes(self, balance: ComplexArray, by_x: Array, by_v: Array, dynamic: ComplexArray) -> Array:
         """Return the forces (n, s) by the motion at low lines, which changes of the balance there move.
@@ -517,10 +509,8 @@ class LawAlongRecord:
         return harmonics_of(waves, self._lines.extended + 1)
 
 
-def _balance_mean(
-    law: ForceLaw, x: Array, v: Array, a: Array, step: Array, values: Array
-) -> tuple[Array, float]:
-    """Shift a motion (1, s) by Newton's method until the mean force of the law vanishes; shift [m] too."""
+def _balance_mean(law: ForceLaw, x: Array, v: Array, a: Array, step: Array, values: Array) -> Array:
+    """Shift a motion (1, s) by Newton's method until the mean force of the law vanishes."""
     mean = 0.0
     for _ in range(MAX_NEWTON_STEPS if law.springs and not law.odd else 0):
         sample = law.sample(x + mean, v, a, step, values)
@@ -530,7 +520,7 @@ def _balance_mean(
         mean += min(max(move, -limit), limit)
         if abs(move) < ROUND_OFF * limit:
             break
-    return x + mean, mean
+    return x + mean
 
 
 @lru_cache(maxsize=2)

@@ -87,8 +87,6 @@ class ReferenceMotion:
 
     Parameters
     ----------
-    omega
-        (n,) [rad/s].
     harmonics
         (n, J+1) complex displacement [m] along which laws are evaluated.
     force
@@ -109,7 +107,6 @@ class ReferenceMotion:
         The motion between two sensors; None without one.
     """
 
-    omega: Array
     harmonics: ComplexArray
     force: ComplexArray
     harmonics_deviation: ComplexArray
@@ -179,7 +176,7 @@ class ReferenceMotion:
     def trajectories(self, samples: int) -> tuple[Trajectory, ...]:
         """Return those of the response, and across two sensors if there is one."""
         followed = [self.harmonics] if self.across is None else [self.harmonics, self.across.harmonics]
-        motions = [Motion(self.omega, harmonics) for harmonics in followed]
+        motions = [Motion(self.points.omega, harmonics) for harmonics in followed]
         return tuple((*motion.waveforms(samples), motion.interval(samples)) for motion in motions)
 
 
@@ -209,7 +206,6 @@ def predicted_motion(
     measured = np.isin(np.arange(rows), mode.measured)
     deviation[:, ~measured] = 0
     return ReferenceMotion(
-        mode.omega,
         harmonics,
         force,
         deviation,
@@ -384,7 +380,7 @@ def whiten_balance(
     sensors
         Between which the motion has a second one.
     """
-    width, count = 2 * motion.order + 1, len(motion.omega)
+    width, count = 2 * motion.order + 1, len(motion.points)
     right, inertia = np.empty((count, width)), np.empty((count, width))
     background = np.empty((count, width, len(motion.background)))
     matrices = np.empty((count, np.count_nonzero(motion.known), _SAMPLES_A_PERIOD))
@@ -439,8 +435,9 @@ def _linearised(
         (n, 2H+1) right side f, and that of a unit mass; J (n, 2H+1, 2H+1), the dynamic stiffness of the law,
         and the tangents of what follows the second sensor.
     """
-    square = -((series.order_of * here.omega[:, None]) ** 2)
-    jacobian, *tangents_across = (sample.tangent(series, here.omega) for sample in samples)
+    omega = here.points.omega
+    square = -((series.order_of * omega[:, None]) ** 2)
+    jacobian, *tangents_across = (sample.tangent(series, omega) for sample in samples)
     followed = [] if here.across is None else list(zip([here.across], tangents_across, strict=False))
     for across, tangent in followed:
         jacobian += across.share[:, None, None] * tangent
