@@ -43,7 +43,6 @@ from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.linear_part import background_terms
-from rsgen.formula.units import ForceUnits
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
@@ -470,7 +469,9 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     stated = replace(stated, refined=name_exchanged(refined, errors.regression, stated.refined))
     first = _FirstOrder(kept, refined.select(np.flatnonzero(used)))
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
-    background = _background(refined, errors.with_background, surface.units, resonances)
+    observed = refined.problem.observed
+    seen = observed.background, observed.points.force, observed.points.amplitude
+    background = state_background(*seen, errors.with_background, surface.units, resonances)
     curve = equivalent_curve(surface, points, refined, force_units(model, surface.units), model.observation)
     mass = refined.mass if all(e.identifiable for e in stated.refined if e.name == "m") else nan
     predicted = refined.harmonics[used, 0].real
@@ -519,18 +520,6 @@ def _require_followed(used: NDArray[np.bool_], model: Model, surface: ResponseSu
         f"displacement, v for the velocity and every other name a parameter,{mass} and are quantity and unit "
         "of the response as in the case?"
     )
-
-
-def _background(
-    refined: Fit, found: Regression, units: ForceUnits, resonances: tuple[Resonance, ...]
-) -> Background | None:
-    """Return the background with its errors, which come after those of the law in ``found``."""
-    count = refined.problem.count
-    variance = np.where(found.converged, np.diag(found.covariance)[count:], np.inf)
-    observed, values = refined.problem.observed, refined.background
-    seen = observed.points.force, observed.points.amplitude
-    freedom = found.error_freedom[count:]
-    return state_background(observed.background, *seen, values, variance, freedom, units, resonances)
 
 
 def _without_law(

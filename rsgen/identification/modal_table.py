@@ -509,7 +509,6 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
     if surface.response_held:
         # what each amplitude needs at its resonance
         forces = np.array([np.abs(part.force[part.level == level]).min() for level in part.levels])
-    variance = np.diag(found.covariance)[modal.count :]
     return ModalTest(
         observation=model.observation,
         levels=np.unique(forces),
@@ -520,9 +519,7 @@ def _modal_test(modal: ModeProblem, found: Regression, surface: ResponseSurface,
             modal.observed.background,
             modal.observed.points.force,
             modal.observed.points.amplitude,
-            modal.split(found.parameters)[2],
-            variance,
-            found.freedom,
+            found,
             surface.units,
         ),
         base=surface.base,

@@ -435,14 +435,11 @@ def _damping_findings(fit: LineFit, errors: Errors) -> list[Finding]:
 def fitted_background(fit: LineFit, found: Regression) -> Background | None:
     """Return the background of a fit with the errors of its parameters; None without one."""
     lines = fit.lines
-    variance = np.diag(found.covariance)[len(fit.values) + 1 :]
     return state_background(
         lines.background,
         np.where(lines.used, lines.spectra.mean_force, 0).reshape(-1),
         np.where(lines.used, np.abs(lines.spectra.mean_response), 0).reshape(-1),
-        fit.background,
-        np.where(found.converged, variance, inf),
-        found.error_freedom[len(fit.values) + 1 :],
+        found,
         lines.spectra.units,
     )
 

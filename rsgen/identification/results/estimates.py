@@ -249,9 +249,7 @@ def state_background(
     shape: BackgroundTerms,
     force: Array | ComplexArray,
     amplitude: Array,
-    values: Array,
-    variance: Array,
-    freedom: int | Array,
+    found: Regression,
     units: ForceUnits,
     resonances: Sequence[Resonance] = (),
 ) -> Background | None:
@@ -263,19 +261,21 @@ def state_background(
         Its terms at the fitted points.
     force, amplitude
         (n,) of the points, as measured [N], [m].
-    values, variance
-        (b,) of the background; a variance that is not finite is unknown.
-    freedom
-        Degrees of freedom of the noise that the variance rests on; (b,) where they differ.
+    found
+        The fit, whose last parameters are its values; without convergence no interval is known.
     units
         Of the test.
     resonances
         Of the mode, where they are known: a neighbour within the width of one of them is the mode itself.
     """
-    if not len(values):
+    if not shape.names:
         return None
-    wides = np.broadcast_to(interval_sigmas(freedom), values.shape)
-    errors = np.sqrt(np.where(np.isfinite(variance), variance, np.inf))
+    own = slice(-len(shape.names), None)
+    values, variance = np.array(found.parameters[own]), np.diag(found.covariance)[own]
+    # the phase, which comes first, within half a turn of 0
+    values[:1] -= 2 * np.pi * np.round(values[:1] / (2 * np.pi))
+    wides = interval_sigmas(found.error_freedom[own])
+    errors = np.sqrt(np.where(np.isfinite(variance) & found.converged, variance, np.inf))
     # the residue of a neighbour, one over its mass, is then a number
     named = [units.of(unit).replace("1/kg*kg", "") for unit in shape.units]
     estimates = tuple(
