@@ -60,6 +60,7 @@ from rsgen.identification.terms import (
     force_factors,
     free_curves_leave,
     gain_of,
+    joint_alternatives,
     largest_move,
     law_with,
     other_gain,
@@ -438,14 +439,11 @@ def _gain_of_all(fit: Fit) -> float:
     # to first order an even force moves the mean and the second harmonic
     residual, matrix = linearise_extended(fit, trial, begin, order=2)
     right, rows = residual.reshape(-1), matrix.reshape(residual.size, len(begin))
-    size = np.linalg.norm(rows, axis=0)
-    others = np.setdiff1d(np.flatnonzero(trial.free & (size > 0)), places)
-    columns = [*others, *places]
-    # the last directions of an orthogonal basis are what the others leave of the last columns
-    basis = np.linalg.qr(rows[:, columns] / np.maximum(size[columns], 1e-300))[0]
-    gain = float(np.sum((basis[:, -len(places) :].T @ right) ** 2))
+    others = np.setdiff1d(np.flatnonzero(trial.free), places).tolist()
+    gain = joint_alternatives(right, rows, others, {"even": [*others, *places]}, 0)["even"].gain
     # the noise is what they leave
-    freedom = len(residual) * (residual.shape[1] - fit.regression.nuisance.shape[1]) - len(columns)
+    freedom = len(residual) * (residual.shape[1] - fit.regression.nuisance.shape[1])
+    freedom -= len(others) + len(places)
     return float(gain / max(float(right @ right) - gain, 1e-300) * freedom)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, true_runs
 from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     DEVIATING_MISFIT_RATIO,
@@ -587,10 +588,6 @@ def _far_mass(force: ComplexArray, motion: ComplexArray, omega: Array) -> float:
     columns = np.stack([motion, -(omega**2) * motion, 1j * omega * motion], axis=1) / size[:, None]
     matrix = np.concatenate([columns.real, columns.imag])
     right = np.concatenate([(force / size).real, (force / size).imag])
-    scale = np.linalg.norm(matrix, axis=0)
-    if not (np.isfinite(scale).all() and (scale > 0).all()):
-        return 0.0
-    values = np.linalg.lstsq(matrix / scale, right, rcond=None)[0]
-    misfit = float(np.sqrt(np.sum((right - matrix / scale @ values) ** 2) / len(force)))
-    mass = float(values[1] / scale[1])
+    values = solve_scaled(matrix, right)[0]
+    misfit, mass = float(np.sqrt(np.sum((right - matrix @ values) ** 2) / len(force))), float(values[1])
     return mass if misfit < MISFIT_REJECTED and mass > 0 else 0.0
