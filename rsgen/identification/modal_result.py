@@ -141,11 +141,6 @@ class SplineMode(Forward):
     ``orders`` are the powers j of omega with which the damping force grows at constant amplitude.
     """
 
-    harmonics: tuple[int, ...] = ()
-    exact_slopes = True
-    step = 1e-4
-    """Step of central differences, as of the harmonic balance: error h^2, round-off eps/h."""
-
     def __init__(self, omega: Array, basis: SplineBasis, orders: tuple[int, ...]) -> None:
         self._basis, self._inertia = basis, omega**2
         self._factors = [np.ones(len(omega)), *(1j * omega**order for order in orders)]

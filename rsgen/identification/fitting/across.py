@@ -196,10 +196,6 @@ class MeasuredAcross(Forward):
         Measured motions of the mode and across the elements, at the same points.
     """
 
-    harmonics: tuple[int, ...] = ()
-    exact_slopes = True
-    step = 1e-4
-    """Step of central differences, as of the harmonic balance."""
     correlation = 0.0
     """Correlation of the relative deviations of the two sensors: 0 for noise, nearly 1 for misfit of the law.
     """

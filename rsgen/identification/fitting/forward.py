@@ -47,13 +47,13 @@ from rsgen.law.numeric import ForceLaw
 class Forward(Protocol):
     """A forward model: values of the parameters to the response at every test point."""
 
-    harmonics: tuple[int, ...]
+    harmonics: tuple[int, ...] = ()
     """Predicted harmonics other than the fundamental."""
 
-    step: float
-    """Change of the logarithm of the size by which second derivatives are taken."""
+    step: float = 1e-4
+    """Change h of the logarithm of the size for second derivatives: error h^2, round-off eps/h."""
 
-    exact_slopes: bool
+    exact_slopes: bool = True
     """True if slopes are computed at every call, False if they are kept for several."""
 
     def __call__(self, values: Array, mass: float, size: Array, others: Array | None = None) -> Response:
@@ -103,7 +103,6 @@ class HarmonicBalance(Forward):
         fundamental; None: the force is a sine.
     """
 
-    exact_slopes = True
     step = 1e-5
     """Step h of second derivatives, with an error of h by the difference, and of h by slopes of the last
     step.
