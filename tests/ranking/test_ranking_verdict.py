@@ -17,7 +17,7 @@ from rsgen.identification.identify import identify
 from rsgen.identification.ranking import rank
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, Round
 from rsgen.identification.ranking.rank_laws import _best_round, _Compared
-from rsgen.identification.ranking.ranking_result import Assessment, Candidate, _best_law_finding, assess_best
+from rsgen.identification.ranking.ranking_result import Candidate, _best_law_finding, assess_best
 from rsgen.identification.ranking.reference import PointTest
 from rsgen.identification.results import Identification
 from rsgen.identification.results import changed as changed_result
@@ -292,7 +292,7 @@ def test_few_points_are_said_to_be_few() -> None:
 
 @pytest.mark.parametrize(("error", "severity"), [(0.05, "warning"), (0.58, "doubt")])
 def test_a_law_whose_levels_do_not_predict_each_other_is_not_called_best(error, severity, monkeypatch):
-    def spoil(current: Round, best: CandidateFit, candidates: list[Candidate], *doubts: Any) -> Assessment:
+    def spoil(current: Round, best: CandidateFit, candidates: list[Candidate], *doubts: Any) -> Any:
         first = replace(candidates[0], held_out_error=error)
         return assess_best(current, best, [first, *candidates[1:]], *doubts)
 

@@ -427,19 +427,19 @@ def _ranking(
         names = {"law": best.candidate.name, "fault": str(fault)}
         doubts.append(Finding("law-unconfirmed", "doubt", names=names))
     doubts += symmetry_doubts(current, ordered, rows, found)
-    assessment = assess_best(current, best, rows, doubts)
-    findings = name_powers(assessment.findings, ordered, rows)
+    fits, unexplained, findings = assess_best(current, best, rows, doubts)
+    findings = name_powers(findings, ordered, rows)
     findings += (test.left_out,) if test.left_out else ()
     # no background takes the place of a law
-    if 0 < assessment.unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
+    if 0 < unexplained < MISFIT_REJECTED and isinstance(surface, ResponseSurface):
         findings = _with_what_is_missing(ordered, current, surface, findings)
     return Ranking(
         tuple(rows),
         replace(base, elements=best.candidate.elements),
-        assessment.fits,
+        fits,
         findings,
         current.noise,
-        assessment.unexplained,
+        unexplained,
         surface,
         found,
     )

@@ -321,18 +321,9 @@ _MIN_POINTS_A_PARAMETER = 6
 """With fewer a ranking says so."""
 
 
-@dataclass(frozen=True, slots=True)
-class Assessment:
-    """Assessment of the best law: does it fit, its misfit beyond noise (relative), and the findings."""
-
-    fits: bool
-    unexplained: float
-    findings: tuple[Finding, ...]
-
-
 def assess_best(
     current: Round, best: CandidateFit, candidates: Sequence[Candidate], doubts: Sequence[Finding]
-) -> Assessment:
+) -> tuple[bool, float, tuple[Finding, ...]]:
     """Decide if the best law fits, and state the findings of a ranking.
 
     Parameters
@@ -345,6 +336,11 @@ def assess_best(
         Best first.
     doubts
         Doubts and errors of its identification.
+
+    Returns
+    -------
+    fits, unexplained, findings
+        Whether it fits, its misfit beyond noise (relative), and the findings.
     """
     left, named = current.misfit(best), whole_label(candidates[0], current.rows.sensors)
     impossible = [finding for finding in doubts if finding.severity == "error"]
@@ -366,7 +362,7 @@ def assess_best(
     findings += [one for one in current.exclusions(best) if one.numbers.get("level") not in said]
     findings += _sample_findings(current, candidates[0].parameters)
     fits = left.known and not impossible and not left.unexplained
-    return Assessment(fits, left.unexplained, tuple(findings))
+    return fits, left.unexplained, tuple(findings)
 
 
 def misfit_of_rows(found: Identification, current: Round) -> float:
