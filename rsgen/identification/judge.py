@@ -471,7 +471,8 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
     paper, resonances = fit_resonances(kept, law, model.fixed, lambda: first.fit.solution)
     observed = refined.problem.observed
     seen = observed.background, observed.points.force, observed.points.amplitude
-    background = state_background(*seen, errors.with_background, surface.units, resonances)
+    whole = errors.with_background
+    background = state_background(*seen, refined.background, whole, surface.units, resonances)
     curve = equivalent_curve(surface, points, refined, force_units(model, surface.units), model.observation)
     mass = refined.mass if all(e.identifiable for e in stated.refined if e.name == "m") else nan
     predicted = refined.harmonics[used, 0].real

@@ -439,6 +439,7 @@ def fitted_background(fit: LineFit, found: Regression) -> Background | None:
         lines.background,
         np.where(lines.used, lines.spectra.mean_force, 0).reshape(-1),
         np.where(lines.used, np.abs(lines.spectra.mean_response), 0).reshape(-1),
+        fit.background,
         found,
         lines.spectra.units,
     )

@@ -249,6 +249,7 @@ def state_background(
     shape: BackgroundTerms,
     force: Array | ComplexArray,
     amplitude: Array,
+    values: Array,
     found: Regression,
     units: ForceUnits,
     resonances: Sequence[Resonance] = (),
@@ -261,20 +262,18 @@ def state_background(
         Its terms at the fitted points.
     force, amplitude
         (n,) of the points, as measured [N], [m].
-    found
-        The fit, whose last parameters are its values; without convergence no interval is known.
+    values, found
+        (b,) of the background, and the fit, whose last parameters they are; without convergence no interval
+        is known.
     units
         Of the test.
     resonances
         Of the mode, where they are known: a neighbour within the width of one of them is the mode itself.
     """
-    if not shape.names:
+    if not len(values):
         return None
-    own = slice(-len(shape.names), None)
-    values, variance = np.array(found.parameters[own]), np.diag(found.covariance)[own]
-    # the phase, which comes first, within half a turn of 0
-    values[:1] -= 2 * np.pi * np.round(values[:1] / (2 * np.pi))
-    wides = interval_sigmas(found.error_freedom[own])
+    variance = np.diag(found.covariance)[-len(values) :]
+    wides = interval_sigmas(found.error_freedom[-len(values) :])
     errors = np.sqrt(np.where(np.isfinite(variance) & found.converged, variance, np.inf))
     # the residue of a neighbour, one over its mass, is then a number
     named = [units.of(unit).replace("1/kg*kg", "") for unit in shape.units]
