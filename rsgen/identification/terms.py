@@ -204,7 +204,8 @@ def force_factors(fit: Fit) -> tuple[float, dict[float, float], float]:
     A shaker whose force was not measured, or an amplifier, has a gain that changes with the level. To first
     order the residual changes by the same column c for a factor of all forces; its rows at one level are the
     column of the factor there. Factors are those of the measured forces to what fits, relative to the median.
-    Infinite, and no factors, if there are too few points.
+    Infinite, and no factors, if there are too few points, or one factor of all levels takes up half of the
+    misfit, as where a wrong mass is given.
     """
     points = fit.problem.observed.points
     residual, matrix, column = _by_points(fit, force=np.exp(1.0) * points.force)
@@ -215,6 +216,10 @@ def force_factors(fit: Fit) -> tuple[float, dict[float, float], float]:
         return np.inf, {}, np.inf
     columns = np.concatenate([matrix[:, :, fit.problem.free], column[:, :, None] * at[:, None]], axis=2)
     right, rows = residual.reshape(-1), columns.reshape(residual.size, -1)
+    common = np.column_stack([rows[:, : -len(names)], rows[:, -len(names) :].sum(axis=1)])
+    shared = right - common @ solve_scaled(common, right)[0]
+    if np.linalg.norm(shared) < (1 - MIN_MISFIT_REDUCTION) * np.linalg.norm(right):
+        return np.inf, {}, np.inf
     solution = solve_scaled(rows, right)[0]
     left = right - rows @ solution
     gains = solution[-len(names) :]

@@ -225,6 +225,15 @@ def test_a_level_whose_channel_has_another_gain_is_named(law, place, noise):
         assert said["gain"] == pytest.approx(1 / 1.05, rel=3e-3 + 2 * noise)
 
 
+def test_a_wrong_mass_is_no_gain_of_a_level():
+    """One factor of all levels turns a given mass into another; what is left of the gains is chance."""
+    test = surface("cubic")
+    response = test.harmonics[:, 1] * np.where(test.level == test.levels[2], 1.002, 1)
+    found = rsgen.identify(fundamentals(test, response), LAWS["cubic"][0], mass=1.07 * MASS)
+    assert only(found, "fixed-contradicted")["fitted"] == pytest.approx(MASS, rel=3e-3)
+    assert "law-does-not-fit" not in codes(found)
+
+
 def test_of_levels_with_several_gains_the_one_that_is_farthest_off_is_named():
     test = surface("coulomb")
     by = np.where(test.level == test.levels[0], 1.05, np.where(test.level == test.levels[2], 0.97, 1))
