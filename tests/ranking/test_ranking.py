@@ -14,7 +14,7 @@ import pytest
 import rsgen
 from rsgen.app.study.run_case import Step, run_case
 from rsgen.cases.loading import load_case
-from rsgen.common.finding import Finding
+from rsgen.common.finding import Finding, Quantity
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.formula.names import remembers
@@ -792,3 +792,9 @@ def test_the_next_step_of_a_best_law_that_misses_something_is_no_further_ranking
     assert "rsgen rank" in next_step(missed)
     assert next_step(said)
     assert "rsgen rank" not in next_step(said)
+    # of a level with another gain the step is that level, whatever was ranked
+    of_gain = replace(said, numbers={**said.numbers, "level": Quantity(2.0, "N"), "gain": Quantity(1.02)})
+    for ranked_as in ("best", "none fits"):
+        assert "channels at 2 N" in next_step(
+            replace(of_gain, names={"levels": "force", "ranked": ranked_as})
+        )
