@@ -204,8 +204,7 @@ def force_factors(fit: Fit) -> tuple[float, dict[float, float], float]:
     A shaker whose force was not measured, or an amplifier, has a gain that changes with the level. To first
     order the residual changes by the same column c for a factor of all forces; its rows at one level are the
     column of the factor there. Factors are those of the measured forces to what fits, relative to the median.
-    Infinite, and no factors, if there are too few points, or one factor of all levels takes up half of the
-    misfit, as where a wrong mass is given.
+    Infinite, and no factors, if points are too few, or one factor of all levels, or mass, takes up half.
     """
     points = fit.problem.observed.points
     residual, matrix, column = _by_points(fit, force=np.exp(1.0) * points.force)
