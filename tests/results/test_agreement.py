@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsgen import RsgenError, identify
+from rsgen import ResponseSurface, RsgenError, identify
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.lines.line_fit import jackknife
 from rsgen.identification.results.alternatives import compare_parts
 from tests.samples import cubic_model, cubic_surface
-from tests.surfaces import codes, model, noisy, surface
+from tests.surfaces import MASS, codes, model, noisy, surface
 
 NOISE = 0.01
 
@@ -66,6 +66,23 @@ def test_a_wrong_law_is_found_by_levels_that_disagree(law, noise):
     assert wrong.verdict.state in ("doubtful", "rejected")
     assert "parts-disagree" in codes(wrong)
     assert {"intervals-widened", "law-ambiguous"} & codes(wrong)
+
+
+@pytest.mark.slow
+def test_gains_of_the_levels_are_in_the_intervals():
+    """Inner and outer levels were not compared, so that 28 of 40 intervals had the mass; 35 have it."""
+    test = surface("cubic")
+    test, within = test.select(test.level < 9), 0
+    for seed in range(20):
+        generator = np.random.default_rng(seed)
+        gains = 1 + 4e-3 * generator.normal(size=len(test.levels))
+        noise = 4e-3 * generator.normal(size=(2, len(test)))
+        response = test.harmonics[:, 1] * gains[np.searchsorted(test.levels, test.level)]
+        response = response * (1 + noise[0] + 1j * noise[1])
+        found = identify(ResponseSurface(test.level, test.frequency, test.force, response), model("cubic"))
+        low, high = found["m"].interval
+        within += low < MASS < high
+    assert within >= 17
 
 
 def test_estimates_come_by_name():
