@@ -603,6 +603,7 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     curve = predict(found, [0.3])[0.3]
     (led,) = (jump for jump in curve.jumps if jump.sweep == way)
     assert f"sweep {way} (to " in said.names["jumps"]
+    assert "however slow the sweep" in sentence(said)
     assert led.landing == pytest.approx(own.amplitude[fell].max(), rel=0.02)
     figure = figures.draw_responses(table, predict_shown(table, found))
     assert f"highest {1e3 * curve.largest[1]:.4g} at" in figure.alternative

@@ -52,8 +52,8 @@ class Jump(NamedTuple):
     """Where the response jumps: frequency [Hz], amplitude [m] and sweep, "up" or "down", that ends there.
 
     ``interval`` are the 95 % bounds of the frequency [Hz]: NaN where not known, equal without any error.
-    ``landing`` is the nearest amplitude [m] of another stable branch there, to which it jumps; NaN without
-    one.
+    ``landing`` is the nearest amplitude [m] of another stable branch there, at which the motion settles; NaN
+    without one. For some periods after the jump it swings beyond.
     """
 
     frequency: float
@@ -565,7 +565,7 @@ class Prediction(Printed):
             f"{CONFIDENCE_TEXT} band",
             f"at [Hz] ({CONFIDENCE_TEXT} interval)",
             "motion there [m]",
-            f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep",
+            f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep (to, settled)",
             "extrapolated",
         )
         notes = [*held_out_lines((*self.held_out, *self.records)), *map(str, self.findings)]
