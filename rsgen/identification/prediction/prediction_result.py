@@ -52,8 +52,7 @@ class Jump(NamedTuple):
     """Where the response jumps: frequency [Hz], amplitude [m] and sweep, "up" or "down", that ends there.
 
     ``interval`` are the 95 % bounds of the frequency [Hz]: NaN where not known, equal without any error.
-    ``landing`` is the nearest amplitude [m] of another stable branch there, at which the motion settles; NaN
-    without one. For some periods after the jump it swings beyond.
+    ``landing`` is the nearest amplitude [m] of another stable branch there, once settled; NaN without one.
     """
 
     frequency: float
@@ -68,6 +67,7 @@ class Jump(NamedTuple):
         error = (high - low) / (2 * interval_sigmas())
         digits = with_error(self.frequency, error) if error > 0 else 5
         band = f" ({low:.{digits}g} to {high:.{digits}g}{unit})" if error > 0 else ""
+        band += " (no interval: too wide, or near a corner of the law)" if np.isnan(error) else ""
         to = f" (to {quantity_text(self.landing, 'm', 4)})" if isfinite(self.landing) else ""
         return f"{self.frequency:.{digits}g}{unit}{band} {sweep}{self.sweep}{to}"
 
