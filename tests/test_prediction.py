@@ -614,7 +614,8 @@ def test_a_fold_at_a_corner_of_the_law_has_no_interval():
     covariance = np.diag([(1e-3 * one.value) ** 2 for one in known.refined])
     corner, smooth = predict(replace(known, covariance=covariance), [1.0], band=(15.0, 90.0))[1.0].jumps
     assert np.isnan(corner.interval).all()
-    assert "(no interval: " in corner.in_words()
+    # the curve turns at 25.155 Hz, less than the points of the curve resolve
+    assert corner.in_words().startswith("25.2 (no interval: ")
     assert "(no interval: " not in smooth.in_words()
     assert smooth.interval[0] < smooth.frequency < smooth.interval[1]
 

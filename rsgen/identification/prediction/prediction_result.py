@@ -65,7 +65,7 @@ class Jump(NamedTuple):
         """Say all but the amplitude, with words after the numbers and before the direction."""
         low, high = self.interval
         error = (high - low) / (2 * interval_sigmas())
-        digits = with_error(self.frequency, error) if error > 0 else 5
+        digits = with_error(self.frequency, error) if error > 0 else 3 if np.isnan(error) else 5
         band = f" ({low:.{digits}g} to {high:.{digits}g}{unit})" if error > 0 else ""
         band += " (no interval: too wide, or near a corner of the law)" if np.isnan(error) else ""
         to = f" (to {quantity_text(self.landing, 'm', 4)})" if isfinite(self.landing) else ""
