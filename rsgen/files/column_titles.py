@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # ----------------------------------------------------------------------------
 # Comparison of the unit that a case gives to a column with the unit in its title.
 
-_UNIT_TOLERANCE = 1e-3
+UNIT_TOLERANCE = 1e-3
 """Units closer than this, relatively, are one: 9.81 and 9.80665 m/s^2 for g."""
 VOLTAGES = ("V", "mV")
 """Units of the output of a sensor before its factor."""
@@ -65,7 +65,7 @@ def unit_doubts(
                 bracketed = called.rstrip()[-1:] in (")", "]")
                 if title in VOLTAGES or title.endswith("Hz") or (bracketed and is_of_signal(title)):
                     found.append(contradiction(file, called, read_as, title))
-            elif abs(said - read) > _UNIT_TOLERANCE * abs(read):
+            elif abs(said - read) > UNIT_TOLERANCE * abs(read):
                 found.append(contradiction(file, called, read_as, title))
     return found
 
@@ -93,7 +93,7 @@ _UNIT = re.compile(
     r"|\(?[mg]/?s?\^?2?\)?/N)\s*[\])]?"
 )
 """Unit that stands alone in a row of units below the titles."""
-_ENCLOSED = re.compile(r"\s*[\[(]\s*([^()\[\]]*?)\s*[\])]\s*\Z")
+ENCLOSED = re.compile(r"\s*[\[(]\s*([^()\[\]]*?)\s*[\])]\s*\Z")
 """A unit in brackets."""
 _WITHOUT_STROKES = re.compile(r"_([munkµ]?m|in)(?:_s(2?)|s(2))\Z")
 """Names without strokes: "v_mm_s", "a_ms2"."""
@@ -193,7 +193,7 @@ def join_units(titles: Sequence[str], cells: Sequence[str]) -> list[str]:
     """
     if not all(is_unit(cell) for cell in cells if cell):
         return list(titles)
-    units = [_ENCLOSED.sub(r"\1", cell) for cell in cells]
+    units = [ENCLOSED.sub(r"\1", cell) for cell in cells]
     pairs = zip(titles, units, strict=True)
     return [
         f"{title} [{unit}]" if unit not in ("", "-") and _is_another(unit, unit_in(title)) else title
@@ -212,7 +212,7 @@ def _is_another(unit: str, said: str) -> bool:
     own, other = (sensor_size(one, unit) for one in (unit, said))
     if own is None or other is None:
         return not said or all(is_of_signal(one) or one in ("Hz", "rad/s", "rpm") for one in (unit, said))
-    return abs(other - own) > _UNIT_TOLERANCE * own
+    return abs(other - own) > UNIT_TOLERANCE * own
 
 
 def is_angular(title: str) -> bool:

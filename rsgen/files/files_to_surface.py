@@ -31,7 +31,7 @@ from rsgen.data.surface.columns import recognise_directions
 from rsgen.data.surface.mode_findings import mixed_levels
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.column_titles import contradiction, is_angular, split_title, unit_in
+from rsgen.files.column_titles import UNIT_TOLERANCE, contradiction, is_angular, split_title, unit_in
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_motions
 from rsgen.files.inspection.listing import list_contents
@@ -209,6 +209,19 @@ def _level_factor(test: MeasuredTest, unit: str) -> float:
     return factor
 
 
+def _level_doubts(test: MeasuredTest, table: Table) -> list[Finding]:
+    """Find that levels are read in another unit than the file names for their column."""
+    column, read_as = test.level.column, test.level.unit
+    if column is None or read_as is None or test.level.factor != 1 or not test.calibrated:
+        return []
+    unit = table.units.get(column, "")
+    said, read = (sensor_size(one, test.level_unit) for one in (unit, read_as))
+    # of a label, or of another dimension, as above
+    if said is None or read is None or abs(said - read) <= UNIT_TOLERANCE * read:
+        return []
+    return [contradiction(table.label, table.names.get(column) or str(column), read_as, unit)]
+
+
 def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
     """Find what the numbers of the frequency are in Hz; a doubt where their title says otherwise."""
     column = cast("int | str", test.frequency)
@@ -246,7 +259,7 @@ def _part(test: MeasuredTest, number: int) -> _Part:
     frequency = raw[keep] * factor
     level = _level(test, number, table)
     force, motions = _driven(sources, frequency, level)
-    doubts = [*doubts, *sources.doubts(), *_order_of_entries(test, table)]
+    doubts = [*doubts, *_level_doubts(test, table), *sources.doubts(), *_order_of_entries(test, table)]
     # exactly zero is what a channel gives that was not yet read, or an amplitude below the last digit
     silent = (force == 0) | (motions == 0).any(axis=1)
     twice = repeated_rows(frequency, force, motions[:, 0]) & ~silent

@@ -77,7 +77,7 @@ def is_of_words(cells: Sequence[str], decimal: str) -> bool:
     for cell in cells:
         if cell and not MISSING.match(cell):
             found = True
-            word = WORD.match(cell) or not any(map(str.isdigit, cell))
+            word = WORD.match(cell.lstrip("[(")) or not any(map(str.isdigit, cell))
             if not word or number_in(cell, decimal) is not None:
                 return False
     return found

@@ -3,6 +3,7 @@
 import json
 import tomllib
 from collections.abc import Callable, Iterable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -87,9 +88,11 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path, file, run_cli, begun):
     ("f;F;x;phase\n1,5;1;2;3\n2,5;1;3;4\n3,5;1;2;5\n", {"decimal": ","}, "f"),
     ("made by a recorder\nserial 12, bench 4\n\nfreq\tforce\tdisp\n1\t1\t2\n2\t1\t3\n", {"skip": 2}, "freq"),
     ("# a remark\nf F x\n1 1 2\n2 1 3\n3 1 3\n", None, "f"),
-    # a row of units below the names: columns go by their numbers
+    # a row of units below the names is read with them; of other words columns go by their numbers
     ("recorder 7\nTime,Frequency,Force,Acceleration,Phase\ns,Hz,N,m/s^2,deg\n0.5,1,1,2,3\n1,2,1,3,4\n",
-     {"skip": 3}, 2),
+     {"skip": 1}, "Frequency"),
+    ("f;Kraft;a\n[Hz];[N];[m/s^2]\n1;1;2\n2;1;3\n", None, "f"),
+    ("f;Kraft;a\nHz;Newtons;m/sec^2\n1;1;2\n2;1;3\n", {"skip": 2}, 1),
     ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
 ])  # fmt: skip
 def test_layouts_of_texts(tmp_path, text, layout, column, begun):
@@ -97,6 +100,25 @@ def test_layouts_of_texts(tmp_path, text, layout, column, begun):
     tables = proposed(path)
     assert (tables.get("layout"), tables["frequency"]["column"]) == (layout, column)
     assert len(read(begun(path))) > 1
+
+
+def test_a_case_begun_from_names_and_units_keeps_them(tmp_path, begun):
+    rows = (f"{n},{f},{f + n},2" for n, f in product((1, 2), range(1, 30)))
+    path = table(tmp_path / "a.csv", "level,frequency,acceleration,phase\nN,Hz,m/s^2,deg", rows)
+    case = begun(path)
+    text = case.read_text("utf-8")
+    assert "[test.layout]" not in text
+    # another unit than that of the file is a doubt, of a level, too
+    for place, column, file, unit in (
+        ('unit        = "m/s^2"', "acceleration", "m/s^2", 'unit = "g"'),
+        ('column = "frequency"', "frequency", "Hz", 'column = "frequency"\nunit = "rad/s"'),
+        ('unit   = "N"', "level", "N", 'unit = "mN"'),
+        ("nominal = true", "", "", 'amplitude = "level"'),
+    ):
+        assert place in text
+        case.write_text(text.replace(place, unit), "utf-8")
+        said = [f.names.get("column") for f in read(case).findings if f.code.startswith("unit-")]
+        assert said == ([f"{column} [{file}]"] if column else [])
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, shown_path
 from rsgen.files import text_columns
-from rsgen.files.column_titles import is_unit, unit_in
+from rsgen.files.column_titles import ENCLOSED, is_unit, unit_in
 from rsgen.files.data_files import MAX_TEXT_BYTES, open_regular, recognise_format
 from rsgen.files.inspection.clues import plain_unit
 from rsgen.files.plan import Layout, MeasuredTest
@@ -130,11 +130,14 @@ def _list_text(path: Path) -> Contents:
         raise MeasurementError(f"{label}: no numbers in it; a table of numbers is needed")
     layout, first = _layout(lines, label)
     head = _head(lines, first, layout)
-    units = head if head and _are_units(head) else []
-    # a row of units is passed over with the names above it: columns then go by number
+    units = [ENCLOSED.sub(r"\1", cell) for cell in head] if head and _are_units(head) else []
     below = bool(units) and first > 1
     titles = (_head(lines, first - 1, layout) or [""] * len(units)) if below else head
-    used = first if below or not head else first - 1
+    # units that ``read_columns`` joins to the names above; others are passed over with these
+    joined = below and any(titles) and text_columns.is_of_words(head, layout.decimal)
+    joined = joined and all(map(is_unit, filter(None, units)))
+    below = below and not joined
+    used = first if below or not head else first - 1 - joined
     skip = lines[used - 1][0] if used > 0 else 0
     layout = Layout(layout.delimiter, layout.decimal, comments, skip, "cp1252" if foreign else "auto")
     kinds = _full(lines[first:], layout)
