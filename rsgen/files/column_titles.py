@@ -31,6 +31,11 @@ def contradiction(file: str, column: str, unit: str, title: str) -> Finding:
     return Finding("unit-contradicts-title", "doubt", names=about)
 
 
+def column_read_in(address: int | str, unit: str) -> str:
+    """Say in what unit a column was read, as "column 2, read in Hz"."""
+    return f"{f'column {address}' if isinstance(address, int) else address}, read in {unit}"
+
+
 def unit_doubts(
     test: MeasuredTest, file: str, titles: Mapping[int | str, str], channel: Channel
 ) -> list[Finding]:

@@ -17,7 +17,14 @@ from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, Severity, quantities
 from rsgen.data.record_set import DERIVATIVE
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.column_titles import VOLTAGES, contradiction, is_of_signal, unit_doubts, unit_in
+from rsgen.files.column_titles import (
+    VOLTAGES,
+    column_read_in,
+    contradiction,
+    is_of_signal,
+    unit_doubts,
+    unit_in,
+)
 from rsgen.files.data_files import recognise_format
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.sandbox import read_binary
@@ -112,7 +119,7 @@ def to_si(test: MeasuredTest, label: str, groups: Groups) -> tuple[Finding, ...]
                 about["source"] = channel.unit_source or "the file"
                 findings[channel.unit, address] = Finding("unit-of-file", "info", names=about)
             elif not channel.unit:
-                about = {"default": f"{address} in {target}"}
+                about = {"default": column_read_in(address, target)}
                 findings["", address] = Finding("unit-of-file", "info", names=about)
             channels[number] = replace(
                 channel, values=scaled(channel.values, factor), unit=target, unit_source=""

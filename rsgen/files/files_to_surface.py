@@ -31,7 +31,14 @@ from rsgen.data.surface.columns import recognise_directions
 from rsgen.data.surface.mode_findings import mixed_levels
 from rsgen.data.surface.plausibility import base_findings, lag_findings, quantity_findings
 from rsgen.data.surface.response_surface import ResponseSurface
-from rsgen.files.column_titles import UNIT_TOLERANCE, contradiction, is_angular, split_title, unit_in
+from rsgen.files.column_titles import (
+    UNIT_TOLERANCE,
+    column_read_in,
+    contradiction,
+    is_angular,
+    split_title,
+    unit_in,
+)
 from rsgen.files.file_table import Sources, Table, join_motions, read_sources
 from rsgen.files.histories import read_motions
 from rsgen.files.inspection.listing import list_contents
@@ -241,7 +248,9 @@ def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:
     if unit not in HERTZ and is_angular(title):
         return 1.0, [contradiction(table.label, title, "Hz", "an angular frequency in rad/s")]
     said = "Hz" in (unit, unit_in(title))
-    return 1.0, [] if said else [Finding("unit-of-file", "info", names={"default": f"{column} in Hz"})]
+    return 1.0, [] if said else [
+        Finding("unit-of-file", "info", names={"default": column_read_in(column, "Hz")})
+    ]
 
 
 def _part(test: MeasuredTest, number: int) -> _Part:
@@ -496,12 +505,12 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     # units that were not stated, of all files in one note
     default = dict.fromkeys(text for found in findings if (text := found.names.get("default")))
     stated = [found for found in findings if "default" not in found.names]
-    hertz = [text for text in default if text.endswith(" in Hz")]
+    hertz = [text for text in default if text.endswith(" read in Hz")]
     amounts = [text for text in default if text not in hertz]
     if amounts:
-        stated.append(Finding("unit-of-file", "doubt", names={"default": ", ".join(amounts)}))
+        stated.append(Finding("unit-of-file", "doubt", names={"default": "; ".join(amounts)}))
     if hertz:
-        stated.append(Finding("unit-of-file", "info", names={"default": ", ".join(hertz)}))
+        stated.append(Finding("unit-of-file", "info", names={"default": "; ".join(hertz)}))
     if test.base is not None and not test.level.known:
         stated.append(Finding("not-recorded", "info", names={"signal": "levels"}))
     return replace(table, findings=tuple(stated))

@@ -53,7 +53,7 @@ def test_check_says_that_a_mass_has_another_unit_than_force_and_response(tmp_pat
     (tmp_path / "table.csv").write_text(table.replace("acceleration_peak_g", "a"))
     path.write_text(path.read_text().replace('unit        = "g"\n', "").replace("acceleration_peak_g", "a"))
     said = run_cli("check", path).out
-    assert "  doubt: no unit stands in the case or the file" in said
+    assert "  doubt: no unit was found in the case or the file for a, read in m/s^2: all" in said
     assert "12.5 Hz, read as sweep up (rows ascend)" in said
 
 
