@@ -278,7 +278,11 @@ def _freed(problem: Problem, start: Array, name: str) -> Fit:
     others = {other: value for other, value in problem.fixed.items() if other != name}
     of_points = problem.unweighed if name == "m" else problem
     # what no step could tell next to a wrong value may be told next to another one
-    return fit_near(replace(of_points, fixed=others, frozen=()), start, order=START_HARMONICS)
+    freed = replace(of_points, fixed=others, frozen=())
+    found = fit_near(freed, start, order=START_HARMONICS)
+    # the values of a fit that a wrong value kept from settling may be far
+    far = not found.regression.converged
+    return fit_near(freed, found.regression.parameters, order=START_HARMONICS) if far else found
 
 
 def consequences(fit: Fit, name: str) -> set[str]:
