@@ -91,7 +91,7 @@ def find_reversals(x: Array, v: Array, a: Array, step: Array) -> Reversals:
     place = x[row, nearer] + speed * late + bend * late**2 / 2
     falling = np.where(upward[row, before], 1.0, -1.0)
     reversals = np.bincount(row, minlength=count)
-    first = np.concatenate([[0], np.cumsum(reversals)[:-1]])
+    first = np.cumsum(reversals) - reversals
     numbers = np.arange(len(row))
     parent, opposite, depth = np.array(numbers), np.array(numbers), np.zeros(len(row), dtype=np.intp)
     reference = np.repeat(first[:, None], samples, axis=1)
@@ -360,7 +360,7 @@ def periodic_states(
     roots.unknowns[
         ~(roots.last_step <= CONVERGED_STEP) | (recurrence.growth() > 1 + RESIDUAL_TOLERANCE + corner)
     ] = np.nan
-    return np.moveaxis(roots.unknowns.reshape(count, -1, samples), 1, 0)
+    return np.moveaxis(roots.unknowns.reshape(count, len(equations), samples), 1, 0)
 
 
 MIN_NEWTON_STEPS = 3
@@ -384,7 +384,9 @@ class _OpenLoops:
         """(s, q, k) what each step from sample to sample lacks, and the rule linearised there."""
         x, v, a = (part[rows] for part in self.motion)
         values = [value if np.ndim(value) == 0 else value[rows] for value in self.values]
-        step, states = self.interval[rows], np.moveaxis(unknowns.reshape(len(x), -1, x.shape[1]), 1, 0)
+        step = self.interval[rows]
+        # of an empty batch -1 would be no number of states
+        states = np.moveaxis(unknowns.reshape(len(x), len(self.equations), x.shape[1]), 1, 0)
         rate, slopes = _rates(self.equations, (x, v, a), states, step, values, by_parameters=False)
         recurrence = _linearised(slopes[:, 2:], step)
         gain = recurrence.gather(np.transpose(rate, (2, 0, 1))[:, :, None])[:, :, 0]

@@ -112,6 +112,14 @@ def test_a_loop_that_does_not_close_is_no_number():
     assert np.isfinite(law.along(motion, np.array([1.0, 0.5]), 64).force).all()
 
 
+@pytest.mark.parametrize("name", LAWS)
+def test_no_motion_has_no_force(name):
+    """A fit whose loops close at no point asks for it."""
+    law, values = _law(name)
+    sample = law.along(Motion(np.zeros(0), np.zeros((0, 2), dtype=complex)), values, 16)
+    assert sample.force.shape == (0, 16)
+
+
 def test_steps_of_a_state_are_weighed_for_an_exponential():
     # theta of Liniger and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47: 1/(1 - exp(-d)) - 1/d; its series is
     # 1/2 + d/12 - d^3/720
