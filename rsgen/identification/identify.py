@@ -166,7 +166,9 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
         higher = min(more for more in _ORDERS_TRIED if more > order)
         more = balance(parameters, order=higher)
         share = len(few.observed.points) / len(points)
-        needs_simulator = not _alike(refined.regression, more.regression, share)
+        # where neither settles the test does not tell a value, which the simulator would seek for minutes
+        settled = refined.regression.converged or more.regression.converged
+        needs_simulator = settled and not _alike(refined.regression, more.regression, share)
         if not needs_simulator:
             refined, order, parameters = more, higher, more.regression.parameters
     noise = refined.regression.sigma

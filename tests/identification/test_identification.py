@@ -243,6 +243,12 @@ def test_more_harmonics_of_a_law_with_memory_are_more_than_those_of_its_corners(
     assert orders[:2] == [15, 23]
 
 
+def test_the_simulator_does_not_seek_values_that_the_test_does_not_tell(monkeypatch):
+    # it took more than six minutes of a measured joint
+    monkeypatch.setattr(importlib.import_module("rsgen.identification.identify"), "fit_simulator", None)
+    assert "not-converged" in codes(identify(small_joint("jenkins", 0.01), joint_law("iwan4")))
+
+
 @pytest.mark.slow
 def test_parameters_that_ran_away_are_not_said_to_need_higher_levels_alone():
     """A Jenkins element is an Iwan joint of chi without end."""
