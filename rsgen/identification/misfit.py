@@ -48,7 +48,7 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem, constant_mean, is_systematic, systematic_columns
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate
-from rsgen.identification.results.alternatives import Agreement, Alternative, Alternatives
+from rsgen.identification.results.alternatives import Agreement, Alternative, Alternatives, largest_move
 from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
 from rsgen.identification.terms import (
     EVEN_SHARE,
@@ -61,7 +61,6 @@ from rsgen.identification.terms import (
     free_curves_leave,
     gain_of,
     joint_alternatives,
-    largest_move,
     law_with,
     other_gain,
     share_left_by,

@@ -33,8 +33,6 @@ from rsgen.common.tolerances import (
     NEAR_STEPS,
     NOISE_RATIO_BY_CHANCE,
     POINTS_PER_KNOT,
-    RELATIVE_ERROR_DOUBTFUL,
-    STANDARD_ERRORS_OF_DIFFERENCE,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
     interval_sigmas,
@@ -44,10 +42,9 @@ from rsgen.data.free_mode import fit_mode, hats, steady
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
 from rsgen.formula.names import symbol
-from rsgen.formula.units import number_text
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
-from rsgen.identification.fitting.least_squares import Regression, Rules
+from rsgen.identification.fitting.least_squares import Rules
 from rsgen.identification.fitting.observed import Observed, Problem, effective_power, neighbour_power
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import Agreement, Alternative, alternatives, stands_out
@@ -263,9 +260,7 @@ def channel_finding(
     if not (used.phase_known and fit.regression.converged) or used.far.size or len(residual) != len(used):
         return None
     # the response of a test on a base may be relative or absolute
-    errors = [
-        _channel_errors(fit, misfit, used, base, absolute=one) for one in (False, True)[: 1 + bool(base)]
-    ]
+    errors = [_channel_errors(fit, misfit, base, absolute=one) for one in (False, True)[: 1 + bool(base)]]
     kinds = min(errors, key=lambda kinds: min(kinds.values()))
     best = min(kinds, key=kinds.__getitem__)
     left, off, within = kinds[best]
@@ -296,33 +291,44 @@ def _left_by_half(residual: Array, pairs: NDArray[np.intp]) -> tuple[float, floa
     return noise, float(np.hypot(noise, (1 - MIN_MISFIT_REDUCTION) * np.sqrt(1 - noise**2)))
 
 
-def _channel_errors(
-    fit: Fit, misfit: float, used: Points, base: str, *, absolute: bool
-) -> dict[str, _ChannelError]:
-    """Return the error of a channel by its kind: delay [s], turn [rad], on a base the logarithm of a gain."""
-    channel = partial(_with_factor, fit.problem.observed.points, fit.mass if absolute else nan)
-    residual, matrix, turned = _by_points(fit, **channel(np.exp(-1j * _CHANNEL_STEP)))
-    columns = {"delay": turned * used.omega[:, None], "turn": turned}
+def _channel_errors(fit: Fit, misfit: float, base: str, *, absolute: bool) -> dict[str, _ChannelError]:
+    """Return the error of a channel by its kind: delay [s], turn [rad], on a base the logarithm of a gain.
+
+    Of one so large that its second order exceeds what the first leaves, a fit without it tells the rest.
+    """
+    few = fit.select(np.flatnonzero(fit.regression.used))
+    problem, points = few.problem, few.problem.observed.points
+    channel = partial(_with_factor, points, fit.mass if absolute else nan)
+    residual, matrix, turned = _by_points(few, **channel(np.exp(-1j * _CHANNEL_STEP)))
+    if len(residual) != len(points):
+        return {}
+    columns = {"delay": turned * points.omega[:, None], "turn": turned}
     if base:
-        columns["gain"] = _by_points(fit, **channel(np.exp(-_CHANNEL_STEP)))[2]
+        columns["gain"] = _by_points(few, **channel(np.exp(-_CHANNEL_STEP)))[2]
     right, freedom = residual.reshape(-1), fit.regression.freedom
     kinds: dict[str, _ChannelError] = {}
     for name, changed in columns.items():
-        more = np.concatenate([matrix[:, :, fit.problem.free], changed[:, :, None] / _CHANNEL_STEP], axis=2)
+        more = np.concatenate([matrix[:, :, problem.free], changed[:, :, None] / _CHANNEL_STEP], axis=2)
         rows = more.reshape(residual.size, -1)
         solution, inverse, _ = solve_scaled(rows, right)
         missed = right - rows @ solution
         size = float(np.linalg.norm(missed))
         # neighbours that miss alike are fewer points
         unit = (missed * np.sqrt(len(missed)) / size).reshape(residual.shape)
-        alike = effective_power(unit, used.neighbours)
-        error = np.sqrt(alike / freedom) * size * float(np.linalg.norm(inverse[-1]))
-        left = misfit * size / float(np.linalg.norm(right))
-        kinds[name] = _ChannelError(left, float(solution[-1]), float(interval_sigmas(freedom) * error))
+        error = np.sqrt(effective_power(unit, points.neighbours) / freedom) * size
+        within = float(interval_sigmas(freedom) * error * np.linalg.norm(inverse[-1]))
+        left, value = misfit * size / float(np.linalg.norm(right)), float(solution[-1])
+        kinds[name] = _ChannelError(left, value, within)
+        turn = value * (points.omega if name == "delay" else np.ones(len(points)))
+        if name != "gain" and left < min((1 - MIN_MISFIT_REDUCTION) * misfit, np.max(turn**2) / 2):
+            seen = replace(problem.observed, points=replace(points, **channel(np.exp(1j * turn))))
+            near = fit_near(replace(problem, observed=seen), few.regression.parameters, order=fit.order)
+            rest = _channel_errors(near, near.regression.rms_misfit, base, absolute=absolute).get(name)
+            kinds[name] = rest._replace(value=value + rest.value) if rest else kinds[name]
     return kinds
 
 
-def _with_factor(points: Points, mass: float, factor: complex) -> dict[str, Any]:
+def _with_factor(points: Points, mass: float, factor: Any) -> dict[str, Any]:
     """Return the force with a factor, or with a mass the response whose absolute motion has its inverse.
 
     The base moves with x_b = F/(m omega^2), and the response is x = x_abs - x_b.
@@ -331,7 +337,7 @@ def _with_factor(points: Points, mass: float, factor: complex) -> dict[str, Any]
         return {"force": factor * points.force}
     order, base = np.arange(points.harmonics.shape[1]), np.zeros_like(points.harmonics)
     base[:, 1] = points.force / (mass * points.omega**2)
-    by = np.exp(-1j * order * np.angle(factor)) / np.abs(factor)
+    by = np.exp(-1j * order * np.angle(factor)[..., None]) / np.abs(factor)[..., None]
     return {"harmonics": by * (points.harmonics + base) - base}
 
 
@@ -526,18 +532,6 @@ def moves_with_mass(fit: Fit) -> dict[str, float]:
     names = np.array([*problem.law.parameters, "m"])[problem.free[: problem.count]]
     shares = zip(names.tolist(), moved, parameters[problem.free], strict=False)
     return {name: float(move / value) for name, move, value in shares if value}
-
-
-def largest_move(kept: Array, freed: Regression, names: Sequence[str]) -> dict[str, str]:
-    """Return as "moves" what moves most where a fixed value is free; {} if by less than a twentieth."""
-    value, error = kept[: len(names)], np.sqrt(np.diag(freed.covariance))[: len(names)]
-    moved = freed.parameters[: len(names)] - value
-    clear = (value != 0) & (np.abs(moved) > STANDARD_ERRORS_OF_DIFFERENCE * error)
-    share = np.divide(moved, value, out=np.zeros(len(names)), where=clear)
-    most = int(np.argmax(np.abs(share)))
-    if abs(share[most]) < RELATIVE_ERROR_DOUBTFUL / 2:
-        return {}
-    return {"moves": f"{names[most]} by {number_text(100 * share[most], 2)} %"}
 
 
 def gain_of(other: Fit, own: Fit) -> float | None:

@@ -189,7 +189,7 @@ def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():
     ("band", "noise", "delay"),
     [
         ((6, 18), 0.004, 2e-4), ((6, 18), 0.004, -1e-3), ((8, 12), 0.004, 2e-4), ((8, 12), 0.004, 2e-3),
-        ((6, 18), 0.01, 2e-4), ((8, 12), 0.01, 2e-4), ((9, 11), 0.0, 2e-4),
+        ((6, 18), 0.01, 2e-4), ((8, 12), 0.01, 2e-4), ((9, 11), 0.0, 2e-4), ((8, 12), 0.004, -8e-3),
     ],
 )  # fmt: skip
 def test_a_delay_between_the_channels_is_named_with_its_value(band, noise, delay):
@@ -198,7 +198,7 @@ def test_a_delay_between_the_channels_is_named_with_its_value(band, noise, delay
     found = rs.identify(fundamentals(test, test.harmonics[:, 1] * np.exp(-1j * test.omega * delay)), CUBIC)
     said = only(found, "channels-delayed")
     assert said["delay"] == pytest.approx(delay, rel=0.02)
-    assert said["left"] < max(0.5 * said["misfit"], noise)
+    assert said["left"] < max(0.02 * said["misfit"], noise)
     assert said in found.verdict.decided_by
     # half a turn of noise in a narrow band: a phase error does the same
     assert ("turn" in said.numbers) is (band == (8, 12) and delay == 2e-4)

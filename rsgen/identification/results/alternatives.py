@@ -11,7 +11,7 @@ Econometrica 28, 1960, as a score test).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import exp
 
@@ -38,6 +38,7 @@ from rsgen.common.tolerances import (
     normal_share,
 )
 from rsgen.data.oscillator import BACKGROUNDS
+from rsgen.formula.units import number_text
 from rsgen.identification.fitting.least_squares import Regression, Rules
 from rsgen.identification.fitting.points import Points
 
@@ -157,6 +158,18 @@ def spread_between(others: Iterable[Alternative], values: Array, error: Array) -
     # the misfit of exact data, and the shift by terms, are due to truncated waveforms
     known = np.isfinite(error) & (error > 0) & (moved > MISFIT_OF_NOISE * np.abs(values))
     return np.where(known, np.hypot(1, moved / np.where(known, error, 1.0)), 1.0)
+
+
+def largest_move(kept: Array, freed: Regression, names: Sequence[str]) -> dict[str, str]:
+    """Return as "moves" what moves most where a fixed value is free; {} if by less than a twentieth."""
+    value, error = kept[: len(names)], np.sqrt(np.diag(freed.covariance))[: len(names)]
+    moved = freed.parameters[: len(names)] - value
+    clear = (value != 0) & (np.abs(moved) > STANDARD_ERRORS_OF_DIFFERENCE * error)
+    share = np.divide(moved, value, out=np.zeros(len(names)), where=clear)
+    most = int(np.argmax(np.abs(share)))
+    if abs(share[most]) < RELATIVE_ERROR_DOUBTFUL / 2:
+        return {}
+    return {"moves": f"{names[most]} by {number_text(100 * share[most], 2)} %"}
 
 
 def stands_out(one: Alternative) -> bool:
