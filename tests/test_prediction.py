@@ -792,6 +792,17 @@ def test_how_to_reach_a_peak_follows_from_sweep_and_law(sweep: str, way: str, sa
         assert f"taken as swept {said}," in sentence(named["direction-from-branch"])
 
 
+@pytest.mark.parametrize("sweep", ["up", "down"])
+def test_rows_of_a_sweep_down_that_were_sorted_are_not_taken_as_swept_up(sweep: str):
+    law = "k*x + k3*x**3 + c*v + cq*v*abs(v)"
+    values = {"k": 1586.0, "k3": -6.588e5, "c": 0.6246, "cq": 1.355}
+    # the up-jump is three steps above the jump down
+    table = noisy(simulated(law, values, [0.4, 1.4], (5.6, 8, 61), 0.8433, sweep=sweep), 5e-3, 0)
+    found = identify(replace(table, sweep="up"), law)
+    assert ("direction-from-branch" in codes(found)) == (sweep == "down")
+    assert found.verdict.state == ("doubtful" if sweep == "down" else "identified")
+
+
 def test_a_right_direction_of_an_asymmetric_spring_is_not_doubted():
     even = "k*x + k2*x**2 + c*v", {"k": 4000.0, "k2": 8e4, "c": 3.0}
     table = noisy(simulated(*even, [1.0, 3.0, 6.0], (8, 12, 60), 1.0, sweep="up"), 5e-3, 0)

@@ -340,7 +340,8 @@ def scan(text: object) -> str:
                 f"an operator is missing before this; write {left[-20:]}*{match[0][:20]} for a product",
             )
         if not ended and not operand and other not in ("(", *_SIGNS) and (before, other) != ("(", ")"):
-            raise refusal(column, f"a number or name is missing before '{match[0]}'")
+            size = "; write abs(v) for |v|" if other == "|" else ""
+            raise refusal(column, f"a number or name is missing before '{match[0]}'{size}")
         depth += (other == "(") - (other == ")")
         if depth > MAX_DEPTH:
             raise refusal(column, f"parentheses more than {MAX_DEPTH} deep; at most {MAX_DEPTH} are allowed")

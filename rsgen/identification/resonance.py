@@ -235,18 +235,19 @@ def branch_findings(points: Points, fit: Fit, unit: str) -> list[Finding]:
         size, force = points.amplitude[order], np.abs(points.force[order])
         rise = size[1:] / size[:-1]
         at = int(np.argmax(rise)) if len(rise) else 0
-        here = slice(at + 1, at + 4)
+        # further on, near the upward jump, little more than the force is needed
+        here = slice(at + 1, at + 3)
         held = np.ptp(force) < RELATIVE_ERROR_DOUBTFUL * force.max()
-        if way == "rest" or len(size[here]) < 3 or rise[at] < MIN_JUMP_RATIO or not held:
+        if way == "rest" or len(size[here]) < 2 or rise[at] < MIN_JUMP_RATIO or not held:
             continue
         sizes = (size[at] + np.outer(size[here] - size[at], share)).ravel()
         sine = sine_motion(np.repeat(points.omega[order[here]], len(share)), sizes)
         spring = harmonics_of(law.along(sine, fit.values, SAMPLES_PER_PERIOD).force, 2)[:, 1]
-        needed = np.abs(spring - fit.mass * sine.omega**2 * sizes).reshape(3, -1).max(axis=1)
+        needed = np.abs(spring - fit.mass * sine.omega**2 * sizes).reshape(2, -1).max(axis=1)
         if np.all(needed > (1 + RELATIVE_ERROR_DOUBTFUL) * force[here]):
             numbers = {"level": Quantity(float(points.level[run[0]]), unit)}
             numbers |= quantities("Hz", frequency=float(points.omega[order[at + 1]]) / (2 * np.pi))
-            return [Finding("direction-from-branch", "warning", "", numbers, {"by": "branch", "sweep": way})]
+            return [Finding("direction-from-branch", "doubt", "", numbers, {"by": "branch", "sweep": way})]
     return []
 
 

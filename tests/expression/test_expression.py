@@ -114,6 +114,7 @@ def test_corpus_behaves_as_expected(entry, tmp_path):
     ("k1 x", "column 4: an operator is missing before this; write k1*x"),
     ("k1*x**3,5", "column 8: a comma stands between arguments only"),
     ("k1(x)", "write k1*(...) for a product"), ("α*x", "write alpha"), ("k1*x'", "write v for the velocity"),
+    ("k1*v*|v|", "column 6: a number or name is missing before '|'; write abs(v) for |v|"),
     ("k1*", "the formula ends in '*'"), ("f = k1*x", "only what stands on the right"),
     ("(k1*x", "1 parenthesis not closed"), ("k1*x)", "column 5: a ')' without its '('"),
     ("x/(k1 - k1)", "column 4: division by 'k1 - k1', which is zero"),
