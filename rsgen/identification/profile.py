@@ -51,6 +51,7 @@ from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression, descend
 from rsgen.identification.fitting.points import FORCE, OTHERS, per_unit_mass
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification
+from rsgen.identification.results.result import interval_text
 from rsgen.identification.terms import fit_near
 from rsgen.law.motion import harmonics_of
 from rsgen.law.numeric import ForceLaw
@@ -123,8 +124,7 @@ class Profile(Printed):
     def table(self) -> TextTable:
         """The table that is printed."""
         rows = tuple((short(v, 6), short(r, 3)) for v, r in zip(self.values, self.root, strict=True))
-        low, high = (short(end, 5) for end in self.interval)
-        caption = f"{self.name}: {low} to {high} {self.unit}".rstrip()
+        caption = f"{self.name}: {interval_text(self.interval, short, self.unit)}"
         caption += f", {CONFIDENCE_TEXT} by profile likelihood"
         for side, end in zip(("below", "above"), self.followed, strict=True):
             if isfinite(end):

@@ -22,7 +22,7 @@ from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord, score_points
 from rsgen.identification.results import Estimate, Identification
-from rsgen.identification.results.result import size_of_error
+from rsgen.identification.results.result import interval_text, size_of_error
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.sentences import error_text, sentence, share_text
 
@@ -96,13 +96,16 @@ def _estimate_cell(estimate: Estimate | None, unit: str, interval: bool = False)
     half = (estimate.interval[1] - estimate.interval[0]) / 2
     if not interval:
         return Cell(text)
-    if not math.isfinite(half):
-        return Cell(text, _remark(estimate))
     scale = choose_scale([estimate.value], unit)
     note = f"± {number_text(half / scale.factor, 2)} {scale.unit}".rstrip()
-    if estimate.by_profile:
-        low, high = (number_text(end / scale.factor, _digits(estimate)) for end in estimate.interval)
-        note = f"{low} to {high} {scale.unit}".rstrip() + ", by profile likelihood"
+    if estimate.by_profile or not math.isfinite(half):
+        by_profile = estimate.by_profile and any(map(math.isfinite, estimate.interval))
+
+        def ends(value: float) -> str:
+            return number_text(value / scale.factor, _digits(estimate))
+
+        note = interval_text(estimate.interval, ends, scale.unit)
+        note += ", by profile likelihood" if by_profile else ""
     return Cell(text, "; ".join(filter(None, [note, _remark(estimate)])))
 
 

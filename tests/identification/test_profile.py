@@ -9,10 +9,10 @@ import pytest
 import rsgen as rs
 from rsgen import ResponseSurface, identify
 from rsgen.identification.fitting import least_squares
-from rsgen.identification.profile import _Likelihood, profile, with_profiles
+from rsgen.identification.profile import Profile, _Likelihood, profile, with_profiles
 from rsgen.identification.restoring_force import invert_curve
-from rsgen.identification.results.result import EquivalentCurve
-from rsgen.report.page_tables import estimate_table
+from rsgen.identification.results.result import EquivalentCurve, Estimate
+from rsgen.report.page_tables import _estimate_cell, estimate_table
 from tests.surfaces import codes
 from tests.virtual import fundamentals, simulated
 
@@ -116,6 +116,20 @@ def test_a_friction_too_sharp_for_the_test_is_bounded_and_not_identified(shape, 
     else:
         assert estimate.identifiable
         assert estimate.interval[0] < value < estimate.interval[1]
+
+
+@pytest.mark.parametrize(("interval", "words"), [
+    ((2.0, 4.0), "2 to 4 m/s, by profile likelihood"), ((-np.inf, np.inf), "not determined"),
+    ((-np.inf, 4.0), "at most 4 m/s, by profile likelihood"),
+    ((2.0, np.inf), "at least 2 m/s, by profile likelihood"),
+])  # fmt: skip
+def test_an_interval_without_limit_is_in_the_same_words_in_all_tables(interval, words):
+    estimate = Estimate("w", 3.0, 1.0, interval, "m/s", by_profile=True)
+    assert _estimate_cell(estimate, "m/s", interval=True).note == words
+    assert estimate.cells[2] == words.replace(" m/s", "").replace(" likelihood", "")
+    root = np.array([-1.0, 1.0])
+    profile = Profile("w", "m/s", 3 + root, root, interval, (2.0, 4.0), (-np.inf, np.inf))
+    assert profile.table.caption.split(",")[0] == "w: " + words.split(",")[0]
 
 
 @pytest.fixture

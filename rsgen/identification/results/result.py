@@ -80,11 +80,18 @@ class Estimate:
         if not isfinite(self.value) or (reason and not isfinite(self.standard_error)):
             return (self.name, "", "", self.unit, reason or "not-identifiable")
         digits = with_error(self.value, self.standard_error)
-        low, high = (short(end, digits) for end in self.interval)
-        below, above = map(isfinite, self.interval)
-        ends = f"{low} to {high}" if below == above else f"at least {low}" if below else f"at most {high}"
-        kind = ", by profile" if self.by_profile else ""
+        ends = interval_text(self.interval, partial(short, digits=digits))
+        kind = ", by profile" if self.by_profile and any(map(isfinite, self.interval)) else ""
         return (self.name, short(self.value, digits), ends + kind, self.unit, reason)
+
+
+def interval_text(interval: tuple[float, float], number: Callable[[float], str], unit: str = "") -> str:
+    """Return an interval in words, its ends as ``number`` writes them; one without limit is not written."""
+    low, high = (number(end) if isfinite(end) else "" for end in interval)
+    if not (low or high):
+        return "not determined"
+    ends = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+    return f"{ends} {unit}".rstrip()
 
 
 def table_of(estimates: Iterable[Estimate]) -> TextTable:
