@@ -71,6 +71,16 @@ def test_an_error_that_noise_and_values_do_not_explain_is_found(gain, expected):
     assert ("explain no more than" in str(found)) == bool(expected)
 
 
+def test_the_error_of_a_law_that_misses_is_not_explained_by_its_widened_intervals():
+    """An error of 17 %, of a law with a misfit of 2.5 % that has a pattern, was a warning."""
+    found = identify(
+        surface("combined"), Model(CUBIC.replace("k3", "kn"), None, Observation(hold_out=(2.0,)))
+    )
+    assert np.isnan(found.held_out[0].explained)
+    (missed,) = (f for f in found.findings if f.code == "held-out-missed")
+    assert missed.severity == "doubt"
+
+
 def test_a_held_out_sweep_is_compared_by_its_force_where_it_falls_through_an_unstable_branch():
     structure = Oscillator(1.5, CUBIC, {"k": 5920.0, "k3": 4e6, "c": 3.0})
     swept = from_swept_sine(

@@ -46,6 +46,7 @@ from rsgen.dynamics.harmonic_balance import (
 )
 from rsgen.identification.fitting.across import MeasuredAcross, law_of
 from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
+from rsgen.identification.misfit import law_misses
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification
@@ -94,6 +95,7 @@ class AmplitudeBalance:
         self._following_mass = np.array(self._places) == (len(names) - 1 if identification.curve.base else -1)
         self._largest = identification.amplitude_range[1]
         self._centre = np.pi * sum(identification.frequency_range)
+        self._misses = identification.fit is not None and law_misses(identification.fit)
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Return the response with amplitudes X (n,) [m] at the frequencies (n,) [rad/s]."""
@@ -184,6 +186,8 @@ class AmplitudeBalance:
     def explained(self, test: ResponseSurface, misfit: float, *, held: bool) -> float:
         """Return the relative error of predicted motions that noise and the errors of the values explain.
 
+        NaN where the misfit has a pattern, so that it is no noise and widens those errors (not of decays),
+        and where a quarter of the motion, by its square, may be on another branch.
         With b = dF_p/F and s = d ln F/d ln X a motion under a given force moves by -Re b (1 - i Im s)/Re s
         - i Im b. Force and response have a noise of the misfit each, of which chance makes 1.5 times as much.
 
@@ -196,6 +200,8 @@ class AmplitudeBalance:
         held
             True if forces at a given amplitude are compared.
         """
+        if self._misses and not test.decays:
+            return nan
         at = self.solve(test.amplitude, test.omega)
         by = at.force_by[:, self._places] / at.force[:, None] - self._following_mass / self._mass
         follows = np.ones(len(test), dtype=complex)
@@ -207,8 +213,10 @@ class AmplitudeBalance:
         noise = NOISE_RATIO_BY_CHANCE**2 * misfit**2 * (3 + np.abs(follows) ** 2) / 2
         error = np.sqrt(interval_sigmas() ** 2 * variance + noise)
         # what is farther off is on another branch
-        error = error if held else np.minimum(error, BRANCH_DISTANCE)
-        return float(np.linalg.norm(error * test.amplitude) / np.linalg.norm(test.amplitude))
+        limit, size = np.inf if held else BRANCH_DISTANCE, np.linalg.norm(test.amplitude)
+        if np.linalg.norm(test.amplitude[error > limit]) > size / 2:
+            return nan
+        return float(np.linalg.norm(np.minimum(error, limit) * test.amplitude) / size)
 
     def equivalent(
         self, size: Array, omega: Array, start: ComplexArray | None
@@ -459,6 +467,7 @@ class SynthesisBalance(AmplitudeBalance):
         self._splines, self._mass = splines, splines.mass
         self._covariance = np.nan_to_num(splines.covariance)
         self._places = list(range(len(self._covariance)))
+        self._misses = False
         self._following_mass = np.array(self._places) == (self._places[-1] if table.test.base else -1)
         self._least, self._largest = splines.basis.lowest, table.tested[1]
         self._centre = np.pi * sum(frequencies)

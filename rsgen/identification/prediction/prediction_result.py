@@ -251,7 +251,7 @@ class HeldOutLevel(_Predicted):
     force_unit
         "N", or "m/s^2" where parameters and forces are per unit mass.
     explained
-        The error that noise and the errors of the values (95 %) explain [1]; NaN across two sensors.
+        The error that noise and the errors of the values (95 %) explain [1]; NaN where they do not.
     misfit
         Of the law or table that predicts, where it was fitted [1].
     changes
