@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import floor, isfinite, log10, prod
 from typing import Any, TypeVar
@@ -27,6 +27,15 @@ def short(value: float, digits: int = 5) -> str:
     ('0.3', '')
     """
     return "" if value != value else f"{value:.{digits}g}"
+
+
+def interval_text(interval: tuple[float, float], number: Callable[[float], str], unit: str = "") -> str:
+    """Return an interval in words, its ends as ``number`` writes them; one without limit is not written."""
+    low, high = (number(end) if isfinite(end) else "" for end in interval)
+    if not (low or high):
+        return "not determined"
+    ends = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+    return f"{ends} {unit}".rstrip()
 
 
 def with_error(value: float, standard_error: float) -> int:

@@ -275,9 +275,8 @@ def _few_points(fit: Fit) -> Problem:
 def _freed(problem: Problem, start: Array, name: str) -> Fit:
     """Fit with a given value free, from values that are near."""
     others = {other: value for other, value in problem.fixed.items() if other != name}
-    of_points = problem.unweighed if name == "m" else problem
     # what no step could tell next to a wrong value may be told next to another one
-    freed = replace(of_points, fixed=others, frozen=())
+    freed = replace(problem.unweighed if name == "m" else problem, fixed=others, frozen=())
     found = fit_near(freed, start, order=START_HARMONICS)
     # the values of a fit that a wrong value kept from settling may be far
     far = not found.regression.converged

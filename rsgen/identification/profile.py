@@ -35,7 +35,7 @@ from rsgen.common.arrays import Array, blocks
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
-from rsgen.common.text_table import Printed, TextTable, short
+from rsgen.common.text_table import Printed, TextTable, interval_text, short
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     CONFIDENCE_TEXT,
@@ -51,7 +51,6 @@ from rsgen.identification.fitting.fit import Fit, refit_weighted
 from rsgen.identification.fitting.least_squares import Regression, descend
 from rsgen.identification.fitting.points import FORCE, OTHERS, per_unit_mass
 from rsgen.identification.results import Estimate, Identification, MultisineIdentification
-from rsgen.identification.results.result import interval_text
 from rsgen.identification.terms import fit_near
 from rsgen.law.motion import harmonics_of
 from rsgen.law.numeric import ForceLaw

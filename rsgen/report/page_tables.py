@@ -13,6 +13,7 @@ import numpy as np
 from rsgen.analysis.comparison import Comparison, Row
 from rsgen.analysis.fit_comparison import compare_fits
 from rsgen.common.errors import RsgenError
+from rsgen.common.text_table import interval_text
 from rsgen.common.tolerances import CONFIDENCE_TEXT
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -22,7 +23,7 @@ from rsgen.identification.modal_table import modal_table
 from rsgen.identification.prediction import HeldOutLevel, predict
 from rsgen.identification.prediction.prediction_result import PredictedRecord, score_points
 from rsgen.identification.results import Estimate, Identification
-from rsgen.identification.results.result import interval_text, size_of_error
+from rsgen.identification.results.result import size_of_error
 from rsgen.law.memory import FORCE_KEYS
 from rsgen.report.sentences import error_text, sentence, share_text
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, Verdict, printed_findings, reach_verdict
-from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
+from rsgen.common.text_table import Brief, Printed, TextTable, interval_text, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
     MAX_ERROR_TO_MISFIT,
@@ -83,15 +83,6 @@ class Estimate:
         ends = interval_text(self.interval, partial(short, digits=digits))
         kind = ", by profile" if self.by_profile and any(map(isfinite, self.interval)) else ""
         return (self.name, short(self.value, digits), ends + kind, self.unit, reason)
-
-
-def interval_text(interval: tuple[float, float], number: Callable[[float], str], unit: str = "") -> str:
-    """Return an interval in words, its ends as ``number`` writes them; one without limit is not written."""
-    low, high = (number(end) if isfinite(end) else "" for end in interval)
-    if not (low or high):
-        return "not determined"
-    ends = f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
-    return f"{ends} {unit}".rstrip()
 
 
 def table_of(estimates: Iterable[Estimate]) -> TextTable:
