@@ -49,7 +49,12 @@ from rsgen.identification.fitting.observed import Problem, constant_mean, is_sys
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.alternatives import Agreement, Alternative, Alternatives, largest_move
-from rsgen.identification.starting.start import even_directions, even_part_unobservable, records_even
+from rsgen.identification.starting.start import (
+    even_directions,
+    even_part_unobservable,
+    records_even,
+    start_fit,
+)
 from rsgen.identification.terms import (
     EVEN_SHARE,
     MIRRORED,
@@ -136,7 +141,7 @@ def misfit_findings(
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
-    left_by = {kind: misfit_left_by(fit, one, wider) for kind, one in backgrounds.items()}
+    left_by = {kind: one.misfit_left(fit.regression, wider) for kind, one in backgrounds.items()}
     rivals = left_by_term, left_by_cause
     if known and not surface.decays and (off := channel_finding(fit, misfit, rivals, left_by, surface.base)):
         return [replace(off, severity=severity if rejected else "doubt")]
@@ -273,14 +278,16 @@ def _few_points(fit: Fit) -> Problem:
 
 
 def _freed(problem: Problem, start: Array, name: str) -> Fit:
-    """Fit with a given value free, from values that are near."""
+    """Fit with a given value free, from values that are near, or anew where these lead nowhere."""
     others = {other: value for other, value in problem.fixed.items() if other != name}
     # what no step could tell next to a wrong value may be told next to another one
     freed = replace(problem.unweighed if name == "m" else problem, fixed=others, frozen=())
     found = fit_near(freed, start, order=START_HARMONICS)
-    # the values of a fit that a wrong value kept from settling may be far
-    far = not found.regression.converged
-    return fit_near(freed, found.regression.parameters, order=START_HARMONICS) if far else found
+    if found.regression.converged:
+        return found
+    # a wrong value may have led far off
+    anew = fit_near(*start_fit(freed), order=START_HARMONICS)
+    return anew if anew.regression.rms_misfit < found.regression.rms_misfit else found
 
 
 def consequences(fit: Fit, name: str) -> set[str]:
@@ -371,13 +378,6 @@ def background_findings(
     return [Finding("background-missing", "doubt", names[worst], numbers, {"kind": kind})]
 
 
-def misfit_left_by(fit: Fit, other: Alternative, wider: Array) -> float:
-    """Relative misfit that an alternative leaves."""
-    return fit.regression.rms_misfit * float(
-        np.sqrt(max(1 - other.gain * np.median(wider) ** 2 / fit.regression.freedom, 0.0))
-    )
-
-
 # ----------------------------------------------------------------------------
 # Even forces: what recorded means and even harmonics say against a symmetric law, and what is not known
 # of them where these were not recorded.
@@ -398,11 +398,7 @@ def even_findings(fit: Fit) -> list[Finding]:
     The misfit of a symmetric law does not contain them. With an even force each point weighs
     them against its noise, and the force stands where they say more for it than for an offset of the sensor.
     What it does not do to the fundamental itself its odd companion may: a stop on one side has both.
-
-    Parameters
-    ----------
-    fit
-        The refined one.
+    ``fit`` is the refined one.
     """
     problem = fit.problem
     # of motions that are not odd the problem says so, of its law that alone does

@@ -88,6 +88,11 @@ def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
 @pytest.mark.parametrize("times", [0.01, 0.1, 9.81])
 def test_a_mass_far_off_comes_first_whatever_a_fit_makes_of_it(law, times):
     test = noisy(surface(law), NOISE, 1)
+    if law == "piecewise" and times == 0.1:
+        # not far enough for a mode, and the fit with it is led off, from where no step leads back
+        found = rsgen.identify(test, LAWS[law][0], mass=MASS / 4)
+        assert only(found, "fixed-contradicted")["fitted"] == pytest.approx(MASS, rel=0.02)
+        assert not codes(found) & BLAMED
     if (law, times) in (("cubic", 9.81), ("piecewise", 0.1)):
         # the phase that a wrong mass turns hides none
         seen = rsgen.Observation(background="phase" if law == "piecewise" else "none")

@@ -50,7 +50,7 @@ from rsgen.identification.fitting.observed import (
     neighbour_power,
 )
 from rsgen.identification.fitting.points import Points, mass_needs, select_points
-from rsgen.identification.misfit import even_findings, misfit_left_by
+from rsgen.identification.misfit import even_findings
 from rsgen.identification.ranking.balance import (
     MAX_MOTION_DISTANCE,
     PointBalance,
@@ -475,7 +475,7 @@ class PointRound(Round):
         """Find a larger background that explains much of a misfit beyond noise; None if there is none."""
         fit = self._fit_near(best)
         others, misfit = fit_larger_backgrounds(fit, fit.regression.sigma), fit.regression.rms_misfit
-        leaves = {kind: misfit_left_by(fit, other, np.ones(1)) for kind, other in others.items()}
+        leaves = {kind: other.misfit_left(fit.regression, np.ones(1)) for kind, other in others.items()}
         # with noise no background halves the whole of a small misfit
         systematic = misfit**2 - self.noise**2
         explained = misfit**2 - min(leaves.values(), default=np.inf) ** 2

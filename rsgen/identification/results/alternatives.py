@@ -73,6 +73,11 @@ class Alternative:
         """Return True if noise alone gives so many columns such a gain less often."""
         return self.gain > chi_square_exceeded(self.columns, chance)
 
+    def misfit_left(self, found: Regression, wider: Array) -> float:
+        """Return the relative misfit of a fit that it leaves; standard errors are wider by (q,) factors."""
+        share = 1 - self.gain * np.median(wider) ** 2 / found.freedom
+        return found.rms_misfit * float(np.sqrt(max(share, 0.0)))
+
 
 def alternatives(
     residual: Array, matrix: Array, columns: Array, score: Array, readings: Array, rules: Rules
