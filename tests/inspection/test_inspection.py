@@ -223,9 +223,12 @@ def test_names_and_volts_of_a_matrix_are_drafted(tmp_path, run_cli):
     assert tables["test.response"].items() > {"quantity": "acceleration", "samples": "CH2"}.items()
     scipy.io.savemat(tmp_path / "sweep.mat", numbered | {"chan": np.array(["up", "down"], dtype=object)})
     assert "CH1 (up), CH2 (down)" in doubts(tmp_path / "sweep.mat")["test.response.samples"]
-    # the mass of a force sweep is identified; of what is not known to have a force it must be given
-    assert "\n# mass" in (tmp_path / "sweep.toml").read_text("utf-8")
-    assert "of a test with a force delete it" in (tmp_path / "run.toml").read_text("utf-8")
+    # the mass of a test with a force is identified; of what is not known to have one it must be given
+    scipy.io.savemat(tmp_path / "bare_4N.mat", content | {"channels": "first, accelerometer"})
+    assert run_cli("init", "--from", tmp_path / "bare_4N.mat", tmp_path / "bare.toml").code == 0
+    for name in ("sweep", "run"):
+        assert "\n# mass" in (tmp_path / f"{name}.toml").read_text("utf-8")
+    assert "of a test with a force delete it" in (tmp_path / "bare.toml").read_text("utf-8")
 
 
 def test_nothing_to_recognise(tmp_path):
