@@ -144,10 +144,10 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     """Return the fit with all harmonics that matter, and whether only the simulator has all of them.
 
     The simulator is needed where a law jumps or has corners of its own (``rough``), and where the motion is
-    far from a sine (``strong``); for a law with memory only if more harmonics move a value. A law with
-    switches needs it also for a misfit below what a balance leaves, none for one below the simulator's own
-    accuracy. For other laws harmonics are added until the last no longer matters. A long test decides this on
-    ``SUBSAMPLE_POINTS``, and all its points are fitted at the end.
+    far from a sine (``strong``); for a law with memory only if more harmonics move a value, and the steps of
+    a balance settle. A law with switches needs it also for a misfit below what a balance leaves, none for one
+    below the simulator's own accuracy. For other laws harmonics are added until the last no longer matters. A
+    long test decides this on ``SUBSAMPLE_POINTS``, and all its points are fitted at the end.
     """
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
