@@ -8,7 +8,7 @@ import pytest
 from rsgen import ResponseSurface, RsgenError, identify
 from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
 from rsgen.identification.lines.line_fit import jackknife
-from rsgen.identification.results.alternatives import compare_parts
+from rsgen.identification.results.alternatives import Alternative, Alternatives, compare_parts
 from tests.samples import cubic_model, cubic_surface
 from tests.surfaces import MASS, codes, model, noisy, surface
 
@@ -83,6 +83,18 @@ def test_gains_of_the_levels_are_in_the_intervals():
         low, high = found["m"].interval
         within += low < MASS < high
     assert within >= 17
+
+
+@pytest.mark.parametrize(("halves", "severity"), [(7.0, "doubt"), (1.0, "warning"), (None, "info")])
+def test_a_term_that_widens_a_value_beyond_a_tenth_is_a_doubt_where_halves_disagree(halves, severity):
+    kinds = {"term": {"x**3": Alternative(1.0, 1.0, np.array([0.0, 1.0]))}}
+    if halves is not None:
+        kinds["halves"] = {"alternate levels": Alternative(halves, 1.0, np.array([5e-3, 0.0]))}
+    others = Alternatives(("k", "k2"), np.array([0.01, 0.01]), kinds)
+    (said,) = others.judge(np.array([1.0, 2.0]), 0.01)[1]
+    assert (said.code, said.severity, said.parameter) == ("intervals-widened", severity, "k2")
+    # 200 is known to a hundredth
+    assert others.judge(np.array([1.0, 200.0]), 0.01)[1][0].severity in ("info", "warning")
 
 
 def test_estimates_come_by_name():

@@ -238,7 +238,8 @@ class Alternatives(Brief):
         -------
         ratio, findings
             (q,) factors of the standard errors; findings about the interval that is widened most, and about
-            the largest significant shift: a doubt if the interval is wider than a tenth of the value.
+            the largest significant shift: a doubt if the interval is wider than a tenth of the value, of the
+            first where halves of the test disagree.
         """
         fitted = list(self)
         widening = [spread_between([one], values, self.error) for _, _, one in fitted]
@@ -246,7 +247,11 @@ class Alternatives(Brief):
         found, widest = list[Finding](), int(np.argmax(ratio))
         if ratio[widest] > _WIDENED:
             kind, name, _ = fitted[int(np.argmax([wider[widest] for wider in widening]))]
-            severity: Severity = "warning" if self.kinds.get("halves") else "info"
+            half = interval_sigmas() * self.error[widest] * ratio[widest]
+            wide = half > RELATIVE_ERROR_DOUBTFUL * abs(values[widest]) and misfit > MISFIT_NEGLIGIBLE
+            halves = self.kinds.get("halves", {}).values()
+            severity: Severity = "warning" if halves else "info"
+            severity = "doubt" if wide and any(map(stands_out, halves)) else severity
             numbers = quantities(wider=ratio[widest])
             found = [Finding("intervals-widened", severity, self.names[widest], numbers, {kind: name})]
         share, said = np.zeros(len(values)), ("", "", 0.0)
