@@ -98,6 +98,28 @@ def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
     assert found["pushed"] * found["moved"] == pytest.approx(1, rel=0.3)
 
 
+@pytest.mark.parametrize("levels", [2, 4])
+def test_one_level_in_another_unit_is_not_called_exchanged(levels):
+    surface = cubic_surface(levels=levels, frequencies=31)
+    response = np.where(surface.level == surface.levels[0], 1e3, 1.0) * surface.harmonics[:, 1]
+    (found,) = level_findings(fundamentals(surface, response))
+    assert (found.code, found["level"], found.names["near"]) == (
+        "levels-disagree",
+        surface.levels[0],
+        "milli",
+    )
+    assert found["gain"] == pytest.approx(1e3, rel=0.01)
+
+
+@pytest.mark.parametrize("order", ["transposed", "one level of 300 times the response"])
+def test_levels_that_no_exchange_mends_are_not_called_each_others(order):
+    surface = cubic_surface(levels=4, frequencies=31)
+    response = surface.harmonics[:, 1].reshape(4, 31)
+    response = response.T if order == "transposed" else response * np.array([[300.0], [1], [1], [1]])
+    (found,) = level_findings(fundamentals(surface, response.ravel()))
+    assert (found.code, dict(found.names)) == ("levels-swapped", {"mends": "no"})
+
+
 def test_levels_in_another_order_than_their_measured_forces_are_named():
     surface = cubic_surface(levels=4, frequencies=31)
     place = np.searchsorted(surface.levels, surface.level)

@@ -12,6 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from hashlib import sha256
+from itertools import combinations
 from math import nan
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -92,6 +93,71 @@ def swapped_levels(
     numbers = quantities("" if labels else unit, low=levels[low], high=levels[high])
     numbers |= quantities(unit, low_measured=amounts[low], high_measured=amounts[high])
     return [Finding("levels-swapped", "doubt", numbers=numbers)]
+
+
+def _steps(level: Array, frequency: Array, force: Array, amplitude: Array) -> tuple[Array, Array]:
+    """Return the steps (k, k) of log F and log X between levels at the same frequencies; NaN if unknown."""
+    order = np.argsort(frequency)
+    columns = [np.log(np.fmax(sizes, 1e-300)) for sizes in (force, amplitude)]
+    names = np.unique(level)
+    runs = [order[level[order] == name] for name in names]
+    pushed, moved = np.full((2, len(names), len(names)), nan)
+    for (i, one), (j, other) in combinations(enumerate(runs), 2):
+        common = one[(frequency[one] >= frequency[other[0]]) & (frequency[one] <= frequency[other[-1]])]
+        if 2 * len(common) >= len(one):
+            at = frequency[common], frequency[other]
+            for steps, log in zip((pushed, moved), columns, strict=True):
+                steps[i, j] = np.median(np.interp(*at, log[other]) - log[common])
+                steps[j, i] = -steps[i, j]
+    return pushed, moved
+
+
+def responses_of_others(
+    level: Array, frequency: Array, force: Array, amplitude: Array, factors: Mapping[str, float]
+) -> list[Finding]:
+    """Return a finding if levels have not their own responses, or one has another unit; none or one.
+
+    At one frequency a stable motion grows with the force: d|F|/dX > 0. Between levels of 220 virtual and five
+    measured tests log X rose by 0.35 of log F or more. Two levels are exchanged if with each other's
+    responses it rises so everywhere; one has another unit if its response per force is one of the factors
+    times that of all others.
+
+    Parameters
+    ----------
+    level, frequency, force, amplitude
+        (n,) of each point, in N, Hz, N, m.
+    factors
+        By which units differ, with their names.
+    """
+    levels = np.unique(level)
+    pushed, moved = _steps(level, frequency, force, amplitude)
+    driven = np.abs(pushed) > np.log(LEVEL_TOLERANCE)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        wrong = driven & (moved / pushed < -0.5)
+        off = np.where(wrong, np.abs(1 + moved / pushed), np.inf)
+    if not wrong.any():
+        return []
+    a, b = map(int, np.unravel_index(np.argmin(off), off.shape))
+    order = np.arange(len(levels))
+    order[[a, b]] = b, a
+    exchanged = moved[np.ix_(order, order)]
+    left = np.abs(moved + pushed)[a, b]
+    mended = left < np.log(10) and not np.any(driven & (exchanged * pushed < 0.3 * pushed**2))
+    if not (mended and left < np.log(LEVEL_TOLERANCE)):
+        gains = moved - pushed
+        known = np.isfinite(gains) & ~np.eye(len(levels), dtype=bool)
+        for near, by in factors.items():
+            like = known & (np.abs(-gains / np.log(by) - 1) < 1 / 8)
+            # a response that is too large, or too small
+            for others in (like, like.T):
+                if (alone := known.any(axis=1) & (others == known).all(axis=1)).any():
+                    at = int(np.argmax(alone))
+                    numbers = quantities("N", level=levels[at])
+                    numbers |= quantities(gain=np.exp(-np.median(gains[at, known[at]])))
+                    return [Finding("levels-disagree", "doubt", "", numbers, {"near": near})]
+    numbers = quantities("N", low=levels[a], high=levels[b])
+    numbers |= quantities(pushed=np.exp(pushed[a, b]), moved=np.exp(moved[a, b]))
+    return [Finding("levels-swapped", "doubt", "", numbers, {} if mended else {"mends": "no"})]
 
 
 def level_name(level: float, unit: str, label: str = "") -> str:

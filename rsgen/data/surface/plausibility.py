@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from itertools import combinations
 from math import nan, pi
 
 import numpy as np
@@ -26,7 +25,14 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
 from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_EXPLAINED, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.free_mode import fit_powers
-from rsgen.data.record_set import DERIVATIVE, LEVEL_TOLERANCE, QUANTITIES, copied_levels, misnamed_levels
+from rsgen.data.record_set import (
+    DERIVATIVE,
+    LEVEL_TOLERANCE,
+    QUANTITIES,
+    copied_levels,
+    misnamed_levels,
+    responses_of_others,
+)
 from rsgen.data.surface.response_surface import ResponseSurface, control_findings, typical_amounts
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
@@ -227,30 +233,8 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     if 1 < len(levels) == len(rows) and (by_force or close):
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
     if by_force and not any(one.names.get("rows") == "columns" for one in surface.findings):
-        yield from _exchanged_levels(surface, rows)
-
-
-def _exchanged_levels(surface: ResponseSurface, rows: NDArray[np.intp]) -> Iterator[Finding]:
-    """Return a finding if two levels have each other's responses, as where files of both are paired wrongly.
-
-    At one frequency a stable motion grows with the force: d|F|/dX > 0. Between levels of 220 virtual and five
-    measured tests log X rose by 0.35 of log F or more; exchanged, it falls."""
-    frequency, found = surface.frequency, dict[float, dict[str, Quantity]]()
-    columns = [np.log(np.fmax(sizes, 1e-300)) for sizes in (np.abs(surface.force), surface.amplitude)]
-    rows = rows[np.argsort(frequency[rows])]
-    names = np.unique(surface.level[rows])
-    for one, other in combinations([rows[surface.level[rows] == name] for name in names], 2):
-        common = one[(frequency[one] >= frequency[other[0]]) & (frequency[one] <= frequency[other[-1]])]
-        if 2 * len(common) < len(one):
-            continue
-        at = frequency[common], frequency[other]
-        pushed, moved = (float(np.median(np.interp(*at, log[other]) - log[common])) for log in columns)
-        if abs(pushed) > np.log(LEVEL_TOLERANCE) and moved / pushed < -0.5:
-            a, b = (Quantity(float(surface.level[run[0]]), "N") for run in (one, other))
-            numbers = quantities(low=a, high=b, pushed=np.exp(pushed), moved=np.exp(moved))
-            found[abs(1 + moved / pushed)] = numbers
-    if found:
-        yield Finding("levels-swapped", "doubt", "", found[min(found)])
+        sizes = np.abs(surface.force[rows]), surface.amplitude[rows]
+        yield from responses_of_others(surface.level[rows], surface.frequency[rows], *sizes, COMMON_FACTORS)
 
 
 def size_findings(sizes: Sizes) -> Iterator[Finding]:
