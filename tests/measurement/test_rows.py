@@ -146,7 +146,11 @@ def test_units_that_nobody_wrote_are_named_once(tmp_path):
     force, frequency = (one for one in read_measurement(test).findings if "default" in one.names)
     assert "for F, read in N: all values scale with them" in sentence(force)
     # a unit that nobody wrote is as doubtful as one that a draft asks for; frequencies mostly are in Hz
-    assert (force.severity, frequency.severity, frequency.names["default"]) == ("doubt", "info", "f, read in Hz")
+    assert (force.severity, frequency.severity, frequency.names["default"]) == (
+        "doubt",
+        "info",
+        "f, read in Hz",
+    )
     written = replace(test, force=NEWTON, frequency_unit="Hz")
     assert not [one for one in read_measurement(written).findings if "default" in one.names]
 
