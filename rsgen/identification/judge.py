@@ -259,7 +259,7 @@ class Findings:
 
     Parameters
     ----------
-    read, surface, points
+    as_read, surface, points
         All points of the test as read; they, and those that were fitted, without the background.
     fit
         The refined one.
@@ -275,7 +275,7 @@ class Findings:
         Estimates of the background; None without one.
     """
 
-    read: ResponseSurface
+    as_read: ResponseSurface
     surface: ResponseSurface
     points: Points
     fit: Fit
@@ -365,8 +365,8 @@ class Findings:
         regression = self.fit.regression
         few_left_out = float(np.mean(~regression.used)) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE
         near = not self.fit.systematic or regression.rms_misfit < MISFIT_DOUBTFUL_WITH_PATTERN
-        seen = self.surface if mass is None else self.read
-        found += mode_findings(seen, mass, found, near and few_left_out)
+        test = self.surface if mass is None else self.as_read
+        found += mode_findings(test, mass, found, near and few_left_out)
         found += self._runs()
         return found
 

@@ -443,18 +443,18 @@ def missed_findings(held_out: tuple[HeldOutLevel, ...]) -> tuple[Finding, ...]:
     """Find held-out levels whose error is large, or more than misfit and errors of the values explain."""
     findings = []
     for item in held_out:
-        error, misfit, known = item.error, item.misfit, isfinite(item.explained)
-        seen = (
-            max(RELATIVE_CHANGE_NEGLIGIBLE, DEVIATING_MISFIT_RATIO * misfit, item.explained) if known else inf
-        )
-        if not error > min(max(HELD_OUT_ERROR_SMALL, MAX_ERROR_TO_MISFIT * misfit), seen):
+        error, misfit, explained = item.error, item.misfit, item.explained
+        limit = max(HELD_OUT_ERROR_SMALL, MAX_ERROR_TO_MISFIT * misfit)
+        if isfinite(explained):
+            limit = min(limit, max(RELATIVE_CHANGE_NEGLIGIBLE, DEVIATING_MISFIT_RATIO * misfit, explained))
+        if not error > limit:
             continue
         severity = severity_of(error, HELD_OUT_ERROR_DOUBTFUL, HELD_OUT_ERROR_REJECTED)
         numbers = {"level": Quantity(item.level, item.level_unit), **quantities(error=error, misfit=misfit)}
-        numbers |= quantities(explained=item.explained) if known else {}
+        numbers |= quantities(explained=explained) if isfinite(explained) else {}
         names = {"sweep": item.sweep, **named(item)}
         # forces of a decay are far more sensitive to the values than its frequency
-        if error <= item.explained and misfit <= HELD_OUT_ERROR_SMALL:
+        if error <= explained and misfit <= HELD_OUT_ERROR_SMALL:
             severity, names["by"] = "warning", "values"
         findings.append(Finding("held-out-missed", severity, "", numbers, names))
     return tuple(findings)
