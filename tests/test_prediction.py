@@ -51,15 +51,6 @@ def quintic():
     return table, predict(found, surface=table)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("law", "expected"), [(LAWS["cubic"][0], []), ("k*x + c*v", ["doubt"])])
-@pytest.mark.parametrize("noise", [0.0, 0.03])
-def test_a_held_out_level_that_is_missed_casts_doubt(law, expected, noise):
-    table = noisy(surface("cubic"), noise, 1)
-    findings = predict(identify(table, law, Observation(hold_out=(8.0,))), surface=table).findings
-    assert [f.severity for f in findings if f.code == "held-out-missed"] == expected
-
-
 @pytest.mark.parametrize(("gain", "expected"), [(1.0, []), (1.03, ["warning"])])
 def test_an_error_that_noise_and_values_do_not_explain_is_found(gain, expected):
     """An error of 4 %, four times the misfit, was called small, as below 5 %."""
@@ -258,29 +249,22 @@ def test_a_curve_just_above_sticking_says_how_far_the_motion_in_time_is_from_its
     assert said["exact"] > 1.15 * said["highest"]
 
 
-@pytest.mark.parametrize("asked", [None, [0.8]])
-def test_levels_of_a_driven_base_are_accelerations_with_a_mass_too(asked):
-    table = simulated(CUBIC, STIFF, [0.4, 1.2], (14, 22, 25), 2.0, base="acceleration")
+def test_levels_of_a_driven_base_are_accelerations_and_its_energy_is_that_of_its_law_with_a_mass_too():
+    table = simulated(CUBIC, STIFF, [0.02, 0.05], (15.2, 16.8, 33), 2.0, base="acceleration")
     heights = []
     for mass in (None, 2.0):
         found = identify(table, CUBIC, mass=mass)
-        curves = predict(found, asked, table).curves
-        assert [(round(one.level, 9), one.level_unit) for one in curves] == [
-            (level, "m/s^2") for level in asked or [0.4, 1.2]
-        ]
-        heights.append([np.nanmax(one.amplitude) for one in curves])
-    np.testing.assert_allclose(heights[1], heights[0], rtol=EXACT)
-
-
-@pytest.mark.parametrize("mass", [None, 2.0])
-def test_the_energy_of_a_driven_base_is_that_of_its_law(mass):
-    table = simulated(CUBIC, STIFF, [0.02, 0.05], (15.2, 16.8, 33), 2.0, base="acceleration")
-    found = identify(table, CUBIC, mass=mass)
-    measured, law = measured_energy(mode_surface(table, found)), dissipated_energy(found)
-    assert measured.energy.size
-    # measured up to a half width, a hundredth, from the resonance: pi omega c X^2 is as far off
-    expected = np.interp(measured.amplitude, law.amplitude, law.energy)
-    np.testing.assert_allclose(measured.energy, expected, rtol=0.01)
+        for asked in (None, [0.04]):
+            curves = predict(found, asked, table).curves
+            named = [(round(one.level, 9), one.level_unit) for one in curves]
+            assert named == [(level, "m/s^2") for level in asked or [0.02, 0.05]]
+            heights += [np.nanmax(one.amplitude) for one in curves]
+        measured, law = measured_energy(mode_surface(table, found)), dissipated_energy(found)
+        assert measured.energy.size
+        # measured up to a half width, a hundredth, from the resonance: pi omega c X^2 is as far off
+        expected = np.interp(measured.amplitude, law.amplitude, law.energy)
+        np.testing.assert_allclose(measured.energy, expected, rtol=0.01)
+    np.testing.assert_allclose(heights[3:], heights[:3], rtol=EXACT)
 
 
 def test_held_amplitudes_are_predicted_on_unstable_branches_too():
@@ -406,23 +390,16 @@ def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(bas
     assert largest == pytest.approx(own.amplitude.max(), rel=2e-2)
 
 
-def test_a_pickled_law_is_no_modal_table():
-    values = {"k": 9800.0, "c": 0.9, "k3": -4.5e7}
-    found = identify(
-        simulated(CUBIC, values, [0.2, 0.4], (25, 31, 61), 0.32, method="harmonic-balance"), CUBIC
-    )
-    for one in (found, pickle.loads(pickle.dumps(found))):
-        prediction = predict(one, [1.5])
-        assert prediction[1.5].rises_at_end
-        assert only(prediction, "prediction-extrapolated").names.get("by") != "table"
-
-
 def test_of_a_curve_that_the_band_cuts_the_largest_amplitude_is_not_stated():
     values = {"k": 8800.0, "c": 2.0, "k3": 2.2e8}
     table = simulated(CUBIC, values, [0.1, 0.2], (18, 20, 41), 0.62, method="harmonic-balance")
     found = identify(table, CUBIC, Observation(predict=(3.0,)))
     said = only(found, "level-predicted")
-    assert predict_shown(table, found)[3.0].rises_at_end
+    # nor is a pickled law, which has no fit, taken for a table
+    for one in (found, pickle.loads(pickle.dumps(found))):
+        prediction = predict(one, [3.0])
+        assert prediction[3.0].rises_at_end
+        assert only(prediction, "prediction-extrapolated").names.get("by") != "table"
     inside = {"inside", "inside_low", "inside_high", "inside_at"}
     assert set(said.numbers) == {"level", "at", "reached"} | inside
     assert said["inside_low"] < said["inside"] < said["inside_high"]
@@ -509,17 +486,6 @@ def test_each_point_of_a_curve_has_the_force_of_its_level(monkeypatch):
         assert np.all(np.diff(curve.frequency[: int(np.nanargmax(curve.amplitude))][:20]) > 0)
 
 
-def test_where_friction_sticks_is_sought_once_for_all_levels(monkeypatch):
-    balance = balance_of(as_identification(Oscillator(1.5, RUBBING[0], RUBBING[1] | {"c": 4.0}), [5.0]))
-    solved, backbone = [], AmplitudeBalance.backbone
-    monkeypatch.setattr(AmplitudeBalance, "backbone", lambda *of: (solved.append(of), backbone(*of))[1])
-    first, second = (balance.spans(level, (50.0, 80.0)) for level in (4.0, 5.0))
-    assert first[0][0] == second[0][0]
-    assert len(solved) == 6  # the table, three refinements of the end that both have, and one of each peak
-    _, least = balance.backbone(np.array([second[0][1]]), np.array([63.0]))
-    assert 0 < 1 - least[0] / 5.0 < 2e-6
-
-
 @pytest.mark.parametrize(("law", "values", "level"), [
     ("k*x + c*v + masing(Min(kt*x, Fs))", {"k": 30004.0, "c": 4.989, "kt": 13990.0, "Fs": 1.9959}, 1.5),
     ("k*x + c*v + c2*v*abs(v)", {"k": 6000.0, "c": 4.0, "c2": 40.0}, 10.0),
@@ -554,6 +520,9 @@ def test_a_hardening_spring_keeps_its_stable_points_and_an_even_force_at_twice_i
     assert predict(even, [16.0], band=(35.0, 90.0))[16.0].lost["by"] == "period"
     friction = predict(Oscillator(1.2, RUBBING[0], {"k": 2e4, "c": 3.0, "Ff": 0.2}), [4.0])
     assert np.isnan(friction[4.0].multiplier).all()
+    # only folds were looked for, and the sentence says so
+    stated = [largest_of_curve(one[4.0], "", (0.0, np.inf)).names for one in (friction, predict(even, [4.0]))]
+    assert [names.get("stability", "") for names in stated] == ["folds", ""]
 
 
 @pytest.mark.parametrize(("k3", "peak_jumps"), [(2e7, "up"), (-2e7, "down")])
@@ -612,11 +581,7 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     fell = own.frequency < 9.758 if reaches else own.frequency > 9.902
     curve = predict(found, [0.3])[0.3]
     (led,) = (jump for jump in curve.jumps if jump.sweep == way)
-    assert f"sweep {way} (to " in said.names["jumps"]
-    assert "however slow the sweep" in sentence(said)
     assert led.landing == pytest.approx(own.amplitude[fell].max(), rel=0.02)
-    figure = figures.draw_responses(table, predict_shown(table, found))
-    assert f"highest {1e3 * curve.largest[1]:.4g} at" in figure.alternative
 
 
 def test_a_fold_at_a_corner_of_the_law_has_no_interval():
@@ -653,21 +618,9 @@ def test_a_level_has_one_name(label, name):
     drawn = figures.draw_responses(table, prediction).figure.axes[0].get_legend()
     # whose line has the force near the resonance
     assert (drawn.get_title().get_text(), drawn.get_texts()[1].get_text()) == ("Level F", f"{name} at 3.8 N")
-    # sentences print three digits: by these a label says the force of its line
-    near = figures.draw_responses(changed(driven, level=0.995 * driven.level), prediction).figure.axes[0]
-    assert near.get_legend().get_texts()[1].get_text() == "3.781 N at 3.8 N"
-    # the nominal force of a level was tested, though not held
-    of_nominal = figures.draw_responses(table, predict(found, [3.8, 4.0])).figure.axes[0]
-    assert of_nominal.get_legend_handles_labels()[1] == [f"{name} at 3.8 N", "4 N, held constant"]
     assert figures.draw_held_out(prediction).figure.axes[0].get_title("left").startswith(f"F = {name}")
     scores = [replace(held_out, error=error, misfit=0.01, explained=0.035) for error in (0.015, 0.03, 0.04)]
-    says = ("as good as the fit", "explain up to 3.5 %", "explain no more than 3.5 %")
-    words = [[word in line for word in says] for line in held_out_lines(scores, True)]
-    assert words == np.eye(3, dtype=bool).tolist()
-    assert not any(word in line for word in says for line in held_out_lines(scores))
     assert [len(missed_findings((score,))) for score in scores] == [0, 0, 1]
-    (missed,) = missed_findings((replace(held_out, error=0.3, misfit=0.01),))
-    assert f"level {name} (sweep rest) is predicted" in sentence(missed)
     sizes = {"level": Quantity(4.0, "N"), "misfit": Quantity(0.1), "typical": Quantity(0.01)}
     doubted = replace(found, findings=(Finding("level-deviates", "doubt", "", sizes),))
     (other,) = _with_held_out(doubted, table, Prediction((), (), ())).findings
@@ -722,8 +675,6 @@ def test_a_level_whose_force_changes_is_predicted_at_its_forces():
         order = np.argsort(table.frequency[table.level == level])
         tested = table.amplitude[table.level == level][order] / 1e-3
         assert line.get_ydata() == pytest.approx(tested, rel=0.05)
-    axes = figures.draw_held_out(prediction).figure.axes[0]
-    assert axes.get_lines()[0].get_label() == "predicted at the measured forces"
 
 
 def test_a_free_decay_has_no_band_that_cuts_its_curves():
@@ -738,10 +689,6 @@ def test_a_free_decay_has_no_band_that_cuts_its_curves():
     assert np.nanmax(curve.amplitude) == pytest.approx(0.2 / (1.2 * np.sqrt(4000.0)), rel=1e-2)
     assert np.nanmin(curve.amplitude) < np.nanmax(curve.amplitude) / 2
     assert "not known" not in sentence(only(found, "level-predicted"))
-    assert figures.draw_surface(table).caption.endswith("along free decays.")
-    assert "Points of a free decay lie on no line" in figures.draw_responses(table, prediction).caption
-    collapse = figures.draw_collapse(found).figure.axes[0]
-    assert "levels at resonance" not in collapse.get_legend_handles_labels()[1]
 
 
 def test_a_modal_table_of_held_amplitudes_predicts_one_force_a_level():
@@ -770,14 +717,6 @@ def test_an_oscillator_whose_loop_closes_up_to_an_amplitude_is_predicted():
     joint = Oscillator(2.0, joint.elements, values | {"c": 0.0, "k": 2e4, "alpha": 1.0})
     with pytest.raises(RsgenError, match=r"the law, whose memory has a loop up to .* m, needs damping"):
         predict(joint, [1e9])
-
-
-@pytest.mark.parametrize("law", ["k*x + c*v + masing(Min(kt*x, Fs))", "k*x + c*v"])
-def test_a_level_asked_for_says_that_doubling_was_not_looked_for(law):
-    values = {"k": 2e4, "c": 8.0} | ({"kt": 3e3, "Fs": 1.0} if "kt" in law else {})
-    table = simulated(law, values, [0.4, 0.8], (13, 22, 20), 2.0, method="harmonic-balance")
-    said = only(identify(table, law, Observation(predict=(0.6,))), "level-predicted")
-    assert ("only folds were looked for" in sentence(said)) == ("kt" in law)
 
 
 BUCKLED = f"{CUBIC} + k5*x**5", {"k": 2.2e4, "c": 3.2, "k3": -2e8, "k5": 7.5e12}
