@@ -25,7 +25,7 @@ from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.describing.derivation import derive
 from rsgen.identification.identify import _with_held_out
 from rsgen.identification.prediction import HeldOutLevel, Prediction, predict
-from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, balance_of
+from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
 from rsgen.identification.prediction.resonance_curves import predict_held_out, predict_shown
 from rsgen.identification.resonance import as_identification
@@ -80,17 +80,6 @@ def test_a_held_out_sweep_is_compared_by_its_force_where_it_falls_through_an_uns
     (item,) = identify(swept, CUBIC, Observation(hold_out=(2.0,))).held_out
     assert item.missing == 0
     assert item.error < 5e-3
-
-
-def test_points_of_held_amplitudes_are_on_no_other_branch():
-    # a law without the cubic spring needs another force; its error is that of all points
-    table = surface("cubic")
-    held = changed(table, level=np.maximum(table.amplitude.round(2), 0.01), control="response")
-    (item,) = identify(held, Model("k*x + c*v", None, Observation(hold_out=(0.03,)))).held_out
-    miss = np.abs(item.predicted - item.measured)
-    assert (miss > 0.2 * np.abs(item.measured)).any()
-    assert item.missing == 0
-    assert item.error == pytest.approx(np.linalg.norm(miss) / np.linalg.norm(item.measured))
 
 
 @pytest.mark.parametrize(("wrong", "severities"), [(1, []), (8, ["error"])])
@@ -473,19 +462,6 @@ def test_the_travel_at_the_largest_amplitude_is_that_of_the_motion_in_time():
     assert (said["least"], said["most"]) == curve.travel
 
 
-def test_each_point_of_a_curve_has_the_force_of_its_level(monkeypatch):
-    # on the flank next to a stop an amplitude has several motions, and slow ways to their frequencies
-    seen, spread = [], AmplitudeBalance.force_spread
-    monkeypatch.setattr(
-        AmplitudeBalance, "force_spread", lambda self, at: (seen.append(at.force), spread(self, at))[1]
-    )
-    for level in (1.0, 8.0, 16.0):
-        seen.clear()
-        curve = predict(STOP, [level], band=(15.0, 90.0))[level]
-        assert np.abs(np.abs(np.concatenate(seen)) / level - 1).max() < 1e-5
-        assert np.all(np.diff(curve.frequency[: int(np.nanargmax(curve.amplitude))][:20]) > 0)
-
-
 @pytest.mark.parametrize(("law", "values", "level"), [
     ("k*x + c*v + masing(Min(kt*x, Fs))", {"k": 30004.0, "c": 4.989, "kt": 13990.0, "Fs": 1.9959}, 1.5),
     ("k*x + c*v + c2*v*abs(v)", {"k": 6000.0, "c": 4.0, "c2": 40.0}, 10.0),
@@ -669,12 +645,6 @@ def test_a_level_whose_force_changes_is_predicted_at_its_forces():
     assert np.any((np.conj(at.force) * at.force_slope).real < 0)
     assert "prediction-extrapolated" not in codes(prediction)
     assert [item.level for item in prediction.fitted] == [3.0, 6.0, 16.0]
-    drawn = figures.draw_responses(table, prediction)
-    lines = [line for line in drawn.figure.axes[0].get_lines() if line.get_linestyle() == "-"]
-    for level, line in zip(levels, lines, strict=True):
-        order = np.argsort(table.frequency[table.level == level])
-        tested = table.amplitude[table.level == level][order] / 1e-3
-        assert line.get_ydata() == pytest.approx(tested, rel=0.05)
 
 
 def test_a_free_decay_has_no_band_that_cuts_its_curves():

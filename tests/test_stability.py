@@ -63,15 +63,6 @@ def test_an_earlier_case_means_the_same(version, case):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("read_here")
-def test_an_earlier_surface_is_identified():
-    folder = HERE / VERSIONS[0] / SMALL
-    case = rsgen.load_case(folder / "case.toml")
-    found = rsgen.identify(rsgen.load_surface(folder / "surface.h5"), case.model)
-    assert rsgen.compare(found, case.truth, case.accept).passed
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_earlier_results_have_their_verdict_and_stand_in_the_index(version, tmp_path):
     states = {entry.folder.name: entry.verdict["state"] for entry in read_results(HERE / version)}

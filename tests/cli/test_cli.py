@@ -54,9 +54,7 @@ def test_check_says_what_a_run_will_do(run_cli):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "law", ["k1*x + kn1*x**3 + c1*v", "k*x + mu*sign(v) + c*v", "k*x + masing(Min(kt*x, Fs))"]
-)
+@pytest.mark.parametrize("law", ["k*x + mu*sign(v) + c*v", "k*x + masing(Min(kt*x, Fs))"])
 def test_init_writes_a_case_that_is_right(law, tmp_path, run_cli):
     path = tmp_path / "gearbox.v1.5.toml"
     assert run_cli("init", path, "--law", law).code == 0
@@ -65,24 +63,6 @@ def test_init_writes_a_case_that_is_right(law, tmp_path, run_cli):
     assert (again.code, "is there already" in again.err) == (2, True)
     assert run_cli("init", "gearbox.v1.5", "--law", law, "--out", path, "--force").code == 0
     assert law.split("*")[0] in path.read_text()
-
-
-@pytest.mark.slow
-def test_identify_says_the_same_in_words_and_as_json(tmp_path, run_cli):
-    path = write_small(tmp_path)
-    answer = json.loads(run_cli("identify", path, "--json").out)
-    found = {row["name"]: row["refined"]["value"] for row in answer["parameters"]}
-    assert found["k"] == pytest.approx(5920.0, rel=1e-3)
-    assert found["m"] == pytest.approx(1.5, rel=1e-3)
-    lines = run_cli("identify", path).out.splitlines()[2:]
-    title, *rows = (re.split(r" {2,}", line.strip()) for line in lines)
-    assert "95 % interval" in title
-    printed = {row[0]: row for row in rows}
-    for row in answer["parameters"]:
-        low, high = row["refined"]["interval"]
-        first, last = map(float, printed[row["name"]][2].split(" to "))
-        assert last - first == pytest.approx(high - low, rel=0.05)
-        assert high - low > 2.1 * row["refined"]["standard_error"]
 
 
 @pytest.mark.slow
@@ -173,59 +153,29 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(tmp_path, number, begun, 
 
 
 INTERRUPTED = """
-import contextlib, os, signal, sys, time
+import os, signal, time
 import rsgen.app.cli
 from rsgen.app.cli import application
 
-def interrupt():
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(0.1)
-
-{}
-application.application = run
-rsgen.app.cli.main()
-"""
-MOMENTS = {
-    "in a finalizer": """
 class Interrupts:
     def __del__(self):
-        interrupt()
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
 
 def run(**arguments):
     Interrupts()
     for _ in range(200):
         time.sleep(0.1)
-""",
-    "and a polite end at the exit": """
-class Ends:
-    def __del__(self, kill=os.kill, process=os.getpid(), number=signal.SIGTERM):
-        kill(process, number)
 
-# goes when Python takes its modules apart
-ends = Ends()
-
-def run(**arguments):
-    os.kill(os.getpid(), signal.SIGINT)
-""",
-}
+application.application = run
+rsgen.app.cli.main()
+"""
 
 
 @posix
-@pytest.mark.parametrize("moment", MOMENTS)
-def test_an_interrupt_ends_the_run_with_one_sentence(moment):
-    run = python("-c", INTERRUPTED.format(MOMENTS[moment]), timeout=60)
+def test_an_interrupt_in_a_finalizer_ends_the_run_with_one_sentence():
+    run = python("-c", INTERRUPTED, timeout=60)
     assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")
-
-
-@posix
-@pytest.mark.slow
-def test_a_cache_that_others_can_write_is_named_once_and_not_used(tmp_path):
-    cache = tmp_path / "cache"
-    cache.mkdir()
-    cache.chmod(0o777)
-    run = shell("identify", write_small(tmp_path), RSGEN_CACHE=str(cache))
-    assert (run.returncode, run.stderr.count("compiled kernels are not stored")) == (0, 1)
-    assert list(cache.iterdir()) == []
 
 
 SOUND = "frequency [Hz],F [N],x [m],phase [deg]\n9,1,2e-3,10\n10,1,4e-3,90\n11,1,1e-3,170\n"

@@ -78,15 +78,3 @@ def test_many_warnings_of_a_run_are_not_all_printed():
     lines = progress_bar._lines(run, values=True)
     assert [line for line in lines if "warning: " in line] == list(warned[:5])
     assert "  2 more warnings and 1 note in report.html" in lines
-
-
-def test_a_run_counts_the_warnings_and_notes_of_its_report(tmp_path, run_cli):
-    for file in FORMATS.glob("magnitude_*.csv"):
-        shutil.copy(file, tmp_path)
-    path, out = shutil.copy(FORMATS / "csv-magnitude.toml", tmp_path), tmp_path / "out"
-    # of a new result and of an unchanged one
-    for _ in range(2):
-        assert "  3 notes in report.html\n" in run_cli("run", path, "--out", out).out
-    findings = json.loads((out / "csv-magnitude" / "result.json").read_text())["findings"]
-    severities = [finding["severity"] for finding in findings]
-    assert (severities.count("warning"), severities.count("info")) == (1, 3)

@@ -46,9 +46,7 @@ def test_every_finding_has_a_place_and_a_severity_and_a_grave_one_a_next_step():
 
 @pytest.mark.parametrize(("code", "where", "threshold"), [
     ("points-excluded", "soundness.exclusion_findings", ("MAX_SHARE_OF_OUTLIERS_BY_CHANCE", 0.05)),
-    ("resonance-sparse", "judge.Findings._runs", ("_MIN_POINTS_AT_RESONANCE", 5)),
     ("held-out-missed", "prediction.prediction_result.missed_findings", ("HELD_OUT_ERROR_SMALL", 0.05)),
-    ("law-does-not-fit", "misfit.misfit_findings", ("MISFIT_DOUBTFUL_WITH_PATTERN", 0.01)),
 ])  # fmt: skip
 def test_a_threshold_stands_with_its_reason(code, where, threshold):
     places = (place for place in places_of_findings()[code] if place.where == f"rsgen.identification.{where}")

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
-from rsgen.dynamics.steady_state import solve_steady_states
 from rsgen.law.motion import Motion, project
 from rsgen.report.figures.equivalent import loop_force, mass_of, measured_energy, measured_loops
 
@@ -81,18 +80,6 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
     law = rs.Law("k*x + c*v + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"})
     true = loop_force(Model(law), values, loop.motion)
     assert np.max(np.abs(loop.force - true)) < 0.03 * np.max(np.abs(true))
-
-
-@pytest.mark.parametrize(("law", "said"), [("k*x + k3*x**3 + c*v", False), ("k*x + k2*x**2 + c*v", True)])
-def test_a_mean_that_was_not_measured_is_said_where_a_law_has_one(law, said):
-    values = {"k": 5920.0, "c": 7.5, "k2" if said else "k3": 1e5 if said else 4e6}
-    level, frequency = (a.ravel() for a in np.meshgrid([1.0, 2.0], np.linspace(8, 12, 31), indexing="ij"))
-    force = level.astype(complex)
-    harmonics = np.array(solve_steady_states(rs.Oscillator(1.5, law, values), force, frequency).harmonics)
-    harmonics[:, 0] = np.nan
-    seen = rs.ResponseSurface(level, frequency, force, harmonics)
-    caption = rs.figures.draw_loops(seen, rs.identify(seen, law)).caption
-    assert ("mean displacement was not measured" in caption) is said
 
 
 def test_a_loop_of_dry_friction_does_not_lean():

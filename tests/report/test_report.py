@@ -78,13 +78,6 @@ def whole_page() -> str:
     return page(drawings=draw_all(subject, SURFACE, IDENTIFICATION, PREDICTION))
 
 
-def test_the_resonance_is_solved_once_for_all_elements(monkeypatch):
-    solve, calls = report_page.smooth_backbone, list[Any]()
-    monkeypatch.setattr(report_page, "smooth_backbone", lambda *given: calls.append(given) or solve(*given))
-    page_context(parts_of(), [], {})
-    assert len(calls) == 1
-
-
 def described(element: Element, found: Identification) -> str:
     return report_page.describe_elements([element], found)[element.name]
 
@@ -347,25 +340,14 @@ def test_what_is_stated_and_drawn_has_all_harmonics_as_the_points_have_them():
     damping = damper["damping_last"] / (4 * np.pi * 1.9 * frequency)
     assert damping == pytest.approx(course["ratio_last"], rel=0.01)
     assert "damping_last" not in spring.numbers
-    drawing = rsgen.figures.draw_collapse(found)
-    lines = {line.get_label(): line.get_xydata() for line in drawing.figure.axes[0].lines}
+    panel = rsgen.figures.draw_collapse(found).figure.axes[0]
+    lines = {line.get_label(): line.get_xydata() for line in panel.lines}
     at, height = np.array(lines["refined model, 95 % band"]).T
     place, stiffness = np.array(lines["levels at resonance"]).T
     assert stiffness == pytest.approx(np.interp(place, at, height), rel=0.005)
     # the printed formula with the refined values was not in the figure
     at, height = np.array(lines["describing function"]).T
     assert height == pytest.approx((found["k"].value + 5 / 8 * found["k5"].value * (at / 1e3) ** 4) / 1e3)
-    assert drawing.caption.endswith(" The describing function, with the refined values, has no harmonics.")
-    same = rsgen.figures.draw_collapse(IDENTIFICATION).figure.axes[0]
-    assert "describing function, 95 % band" in same.get_legend_handles_labels()[1]
-
-
-def test_what_fundamentals_do_not_show_is_one_note_for_all_values():
-    (said,) = (finding for finding in quintic()[1].findings if finding.code == "even-terms-not-seen")
-    moved = {name.removeprefix("moved ") for name in said.numbers if name.startswith("moved ")}
-    assert {said.parameter, *moved} == {"c", "cq", "k5"}
-    assert all(f"{name} " in said.names["others"] for name in moved)
-    assert f" ({said.names['others']}), one twice" in sentence(said)
 
 
 def test_warnings_stand_before_notes_under_the_headline():
@@ -424,24 +406,6 @@ def test_findings_of_a_prediction_stand_in_the_one_list(tmp_path, run_cli):
     shown = re.sub(r"\s", " ", unicodedata.normalize("NFKC", warnings))
     for text in (shown, run_cli("identify", path).out):
         assert "did not reach the resonance" in text
-
-
-def test_one_resonance_is_stated_of_a_cubic_spring_with_dry_friction_by_law_and_table():
-    law, values = ["k*x + k3*x**3", "c*v + Ff*sign(v)"], {"k": 105e3, "k3": 6e9, "c": 14, "Ff": 1.2}
-    sines = {"level": [4, 15, 40], "frequency": np.arange(25, 47, 0.25), "sweep": "up"}
-    plan = rsgen.SimulatedTest(**sines, method="harmonic-balance")
-    test = rsgen.simulate(rsgen.Oscillator(3.4, law, values), plan)
-    found = rsgen.identify(test, law, mass=3.4)
-    modal = tables.tabulate_mode(test, found)
-    assert modal.table is not None
-    ends = report_page.resonance_at_ends(found, modal)
-    (course,) = report_page.resonance_course(found, ends)
-    # the law was stated to first order, 0.4 % low, and its damper at motions where friction is all but all
-    assert course["frequency_last"] == pytest.approx(modal.table.frequency[-1], rel=5e-4)
-    damper = report_page.element_finding(found.model.elements[1], found, ends)
-    assert damper is not None
-    assert damper["amplitude_first"] == modal.table.amplitude[0]
-    assert damper["damping_first"] == pytest.approx(modal.table.damping[0], rel=0.01)
 
 
 def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked_beyond_the_band():

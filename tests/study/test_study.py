@@ -1,12 +1,10 @@
 """Running cases: a result is whole and verified, or it is no result."""
 
 import json
-import multiprocessing
 import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
@@ -72,9 +70,8 @@ def test_a_manifest_vouches_for_every_byte(tmp_path):
 
 
 @pytest.mark.parametrize("text", [
-    *("", "{", "[]", "null", "[" * 100_000), '{"schema": 1}', '{"schema": 1, "files": {}}',
-    '{"schema": 2, "files": {"a": "b"}}', '{"schema": 1, "files": {"../result.json": "b"}}',
-    '{"schema": 1, "files": {"/etc/hostname": "b"}}', '{"schema": 1, "files": {"a\\u0000": "b"}}',
+    *("", "[]", "[" * 100_000), '{"schema": 1, "files": {}}', '{"schema": 2, "files": {"a": "b"}}',
+    '{"schema": 1, "files": {"../result.json": "b"}}', '{"schema": 1, "files": {"a\\u0000": "b"}}',
 ])  # fmt: skip
 def test_a_corrupted_manifest_is_none(tmp_path, text):
     fill(tmp_path, "text")
@@ -93,32 +90,6 @@ def test_a_fault_leaves_the_earlier_result(earlier):
     with pytest.raises(RsgenError, match="in the middle"):
         fail()
     assert content(earlier / "case") == before
-    assert names(earlier) == ["case"]
-
-
-def _hang_in_the_middle(out: str) -> None:
-    with replaced_folder(Path(out), "case") as folder:
-        fill(folder, "half")
-        (folder / "ready").touch()
-        time.sleep(60)
-
-
-@pytest.mark.slow
-@posix
-def test_a_killed_run_leaves_the_earlier_result(earlier):
-    before = content(earlier / "case")
-    process = multiprocessing.get_context("spawn").Process(target=_hang_in_the_middle, args=(str(earlier),))
-    process.start()
-    while not list(earlier.glob(".case.*.part/ready")):
-        assert process.is_alive()
-        time.sleep(0.01)
-    # while it runs, others leave its folder alone
-    recover(earlier)
-    assert list(earlier.glob(".case.*.part"))
-    process.kill()
-    process.join()
-    assert content(earlier / "case") == before
-    recover(earlier)
     assert names(earlier) == ["case"]
 
 
@@ -154,14 +125,8 @@ def test_a_killed_run_of_another_case_is_cleared_up_and_folders_of_others_stay(t
 
 FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
     "a folder of the user": (lambda place: (place / MANIFEST).unlink(), "that no run made"),
-    "a manifest of something else": (lambda place: (place / MANIFEST).write_text("{}"), "that no run made"),
     "a file": (lambda place: (place / "thesis.tex").write_text("mine"), "thesis.tex"),
-    "a file in a folder": (
-        lambda place: ((place / "more").mkdir(), (place / "more" / "thesis.tex").write_text("mine")),
-        "more, more/thesis.tex",
-    ),
     "an empty folder": (lambda place: (place / "more").mkdir(), "more"),
-    "a link": (lambda place: (place / "data").symlink_to("/dev/null"), "data"),
     "a link to what a run wrote": (
         lambda place: (
             (place / "result.json").rename(place.parent / "mine"),
@@ -319,14 +284,6 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     assert not killed.exists()
 
 
-@pytest.mark.slow
-def test_a_worker_has_the_settings_of_its_own_time(monkeypatch):
-    for value in ("first", "second"):
-        monkeypatch.setenv("RSGEN_PROBE", value)
-        with local_workers(1) as submit:
-            assert submit(os.getenv, "RSGEN_PROBE").result(60) == value
-
-
 class Pool:
     """A pool of one process: each answer is a value, or a fault of the process, which then is gone."""
 
@@ -368,11 +325,10 @@ def answers(monkeypatch):
     return run
 
 
-def test_a_process_that_cannot_be_begun_leaves_its_calls_to_the_others(answers):
+def test_where_one_process_cannot_be_begun_others_take_its_calls_and_without_any_every_call_says_so(
+    answers, tmp_path
+):
     assert answers(2, ["a", "b", "c"], OSError("too many open files")) == ["a", "b", "c"]
-
-
-def test_where_no_process_can_be_begun_every_call_says_so(answers, tmp_path):
     found = answers(2, RuntimeError("can't start new thread"), *[OSError("no semaphores")] * 3)
     assert [str(fault) for fault in found] == ["no semaphores"] * 3
     path, future = write_case(tmp_path), Future()
