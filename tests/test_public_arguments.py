@@ -223,21 +223,6 @@ def test_a_misfit_of_the_law_is_not_printed_as_noise(surface, found):
     assert "%, misfit" in str(found)
 
 
-def test_the_force_of_a_driven_base_is_one_per_mass():
-    driven = linear_surface(base="acceleration")
-    assert driven.per_mass
-    assert rs.identify(driven, LAW)["k"].unit == "N/m/kg"
-    assert not replace(driven, per_mass=False).per_mass
-
-
-def test_rows_without_a_number_are_said_once(surface):
-    response = surface.harmonics[:, 1].copy()
-    response[[3, 30]] = np.nan
-    codes = [finding.code for finding in rs.identify(linear_surface(response=response), LAW).findings]
-    assert "rows-left-out" in codes
-    assert "points-excluded" not in codes
-
-
 def test_a_result_is_an_oscillator_and_prints_sentences(found, surface):
     again = rs.simulate(found.oscillator, rs.SimulatedTest([1.0, 2.0], np.linspace(8, 13, 21)))
     assert np.allclose(again.amplitude, surface.amplitude, rtol=1e-4)

@@ -20,7 +20,6 @@ SPRING, DAMPER = "element.1.force", "element.2.force"
     ({"identify.band": ["20 Hz", "30 Hz"]}, "0 of 30 points can be used"),
     ({"identify.hold_out": [2]}, "hold_out"),
     ({"test.level.values": [1], "test.frequency.count": 3}, "3 of 3 points can be used"),
-    ({"test.control": "phase", "test.sweep": "up"}, "finds its frequency"),
     ({SPRING: "k*besselj(0, x)"}, "element.1.force: ... besselj has no place in a force law"),
     ({SPRING: "k*x**(-3)"}, "element.1.force: ... so singular at zero that the force has no fundamental"),
     # what does not settle is seen as it is simulated

@@ -75,9 +75,7 @@ def test_a_link_out_of_the_folder_is_called_a_link(laboratory, run_cli):
 @pytest.mark.parametrize(("changes", "said"), [
     ({"test.response.real": "aa"}, "a.csv: line 1: no column named 'aa'; did you mean 'a'? known: 'f'"),
     ({"test.force.factor": "10 N/V"}, "test.force.factor: '10 N/V' leads from numbers in N to no N; unit"),
-    ({"test.level": {"column": "F", "unit": "mm"}}, "test.level.unit: 'mm' is a length, but N (a force)"),
     ({"identify": {"hold_out": [7]}}, "hold_out: no level 7 N in the test; it has 1, 2 N"),
-    ({"identify": {"hold_out": [1, 2]}}, "hold_out: holds every level back; at least one must remain"),
 ])  # fmt: skip
 def test_what_a_measured_case_says_wrongly_is_named_by_its_key(laboratory, run_cli, changes, said):
     path = laboratory / "read.toml"

@@ -12,6 +12,7 @@ import rsgen as rs
 from docs._extension.snippets import ROOT, find_snippets
 from rsgen.data.history import SweepLaw
 from tests.case_files import MEASURED, write_small
+from tests.measurement.tables import write_columns
 from tests.oracles.swept import sweep
 
 PAGE = (ROOT / "docs" / "howto" / "questions.md").read_text(encoding="utf-8")
@@ -67,11 +68,6 @@ def sweeps():
     )
     time = np.arange(len(force)) / RATE
     return time, force, make_interp_spline(time, motion, k=7).derivative(2)(time)
-
-
-def write_columns(path: Path, titles: str, *columns: np.ndarray) -> None:
-    rows = np.column_stack(columns)
-    np.savetxt(path, rows, fmt="%.9g", delimiter=",", header=titles, comments="")
 
 
 def test_force_and_response_in_two_files_one_level_held_out(tmp_path, sweeps):

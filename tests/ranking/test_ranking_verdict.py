@@ -149,16 +149,6 @@ def test_noise_of_small_motions_and_harmonics_does_not_make_a_wrong_law_the_best
 PLUCKED = "k*x + c*v + k3*x**3", {"k": 24674.0, "c": 0.9425, "k3": 1.85e9}, 1.0, [2e-3]
 
 
-def test_a_response_that_is_divided_by_the_force_is_rejected_after_one_round(monkeypatch: pytest.MonkeyPatch):
-    table, followed = measured("cubic"), list[Any]()
-    along = PointTest.along
-    monkeypatch.setattr(PointTest, "along", lambda *what: followed.append(what) or along(*what))
-    divided = table.harmonics[:, :2] / table.force[:, None]
-    ranking = rank(changed(table, harmonics=divided), MEMORYLESS)
-    assert codes(ranking) >= {"no-law-fits"}
-    assert len(followed) == 1
-
-
 def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
     table = measured("cubic")
     law = CandidateLaw("", BASE.elements, ABOUT)

@@ -3,8 +3,6 @@
 import json
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import pytest
 
 from docs._extension.snippets import ROOT, find_snippets
 from tests.faults.scratch import Scratch
+from tests.programs import python
 
 PAGE = ROOT / "docs" / "architecture.md"
 PLACE = re.compile(r"# (?P<file>\S+), (?P<how>below|in place of|new|at its end)(?:: (?P<line>.+))?")
@@ -84,10 +83,7 @@ def follow(block: str, root: Path) -> None:
 
 def run(root: Path, *words: str) -> str:
     environment = os.environ | {"PYTHONPATH": str(root), "RSGEN_CACHE": str(root.parent / "caches")}
-    done = subprocess.run(
-        [sys.executable, *words], cwd=root.parent, env=environment, capture_output=True, text=True,
-        check=False,
-    )  # fmt: skip
+    done = python(*words, cwd=root.parent, env=environment, timeout=None)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

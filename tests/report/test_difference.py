@@ -118,16 +118,12 @@ def test_three_results_stand_side_by_side(tmp_path, run_cli):
     # of numbers that contradict each other a script has none to go on with
     assert is_worse(fits)
     shown = run_cli("diff", *places)
-    assert shown.code == 1
-    lines = shown.out.splitlines()
     # wider than a terminal: the values of a parameter one below the other
+    lines = shown.out.splitlines()
     at = next(number for number, line in enumerate(lines) if line.startswith("k1 "))
-    for line, place in zip(lines[at : at + 3], places, strict=True):
-        assert str(place) in line.split()
-        assert line.endswith(" disjoint") == (place == places[2])
+    assert [line.endswith(" disjoint") for line in lines[at : at + 3]] == [False, False, True]
     assert [line.split()[-2:] for line in lines].count([str(places[1]), "0.25"]) == 1
-    assert "k1: results that are accepted or identified have 95 % intervals" in shown.out
-    assert run_cli("diff", places[0]).code == 2
+    assert (shown.code, run_cli("diff", places[0]).code) == (1, 2)
 
 
 good = cache(lambda: json.dumps(cubic_result(1.0)))
