@@ -15,7 +15,6 @@ from rsgen import (
     figures,
     identify,
     make_element,
-    modal_table,
     sentence,
     simulate,
 )
@@ -222,10 +221,6 @@ def test_friction_that_holds_the_mass_is_said_per_unit_mass_and_of_levels_asked_
         said = only(by, "no-steady-state")
         assert (said["level"], said.numbers["friction"].unit) == (0.2, "m/s^2")
         assert said["friction"] == pytest.approx(0.5 / 1.5, rel=1e-3)
-    modal = modal_table(table)
-    (said,) = predict(modal, [0.2]).findings
-    assert (said.code, said.names["by"], said["low"]) == ("prediction-extrapolated", "table", modal.tested[0])
-    assert not predict(modal, [1.5]).findings
 
 
 def test_a_curve_just_above_sticking_says_how_far_the_motion_in_time_is_from_its_peak():
@@ -658,20 +653,6 @@ def test_a_free_decay_has_no_band_that_cuts_its_curves():
     assert np.nanmax(curve.amplitude) == pytest.approx(0.2 / (1.2 * np.sqrt(4000.0)), rel=1e-2)
     assert np.nanmin(curve.amplitude) < np.nanmax(curve.amplitude) / 2
     assert "not known" not in sentence(only(found, "level-predicted"))
-
-
-def test_a_modal_table_of_held_amplitudes_predicts_one_force_a_level():
-    sizes, omega = np.repeat([1e-4, 2e-4, 4e-4], 41), 2 * np.pi * np.tile(np.linspace(9, 11, 41), 3)
-    force = sizes * (6000 - 1.5 * omega**2 + 8j * omega)
-    exact = ResponseSurface(sizes, omega / (2 * np.pi), force, sizes + 0j, control="response")
-    table = modal_table(noisy(exact, 1e-3, 1), mass=1.5)
-    assert len(predict(table, surface=exact)) == 3
-    # readings of the amplitude in place of levels
-    read = noisy(exact, 5e-3, 1)
-    table = modal_table(changed(read, level=read.amplitude), mass=1.5)
-    assert table.amplitude == pytest.approx([1e-4, 2e-4, 4e-4], rel=5e-3)
-    assert len(predict(table, surface=exact)) == 3
-    assert sentence(only(table, "levels-disagree")).endswith("they are taken for 3 levels")
 
 
 @pytest.mark.slow

@@ -87,13 +87,6 @@ def test_laws_of_the_library_are_put_between_the_sensors(few_laws: None) -> None
     assert all(element.across for element in ranking.model.elements if "j" in "".join(element.parameters))
 
 
-def test_laws_that_are_named_act_where_those_of_the_user_do() -> None:
-    named = [rs.laws[name] for name in ("cubic-spring", "viscous-coulomb", "linear-spring")]
-    ranking = rs.rank(noisy(SENSORS, 0.003), [*between("kj*x**5 + cj*v"), *named])
-    assert ranking.candidates[0].name == "cubic-spring"
-    assert ranking["viscous-coulomb"].force == f"c*v + k*x; across {SENSORS}: cj*v + kj*x + Ff*sign(v)"
-
-
 def test_every_law_of_a_ranking_acts_between_the_same_sensors() -> None:
     surface, (law,) = driven_by_a_sine(), between("kj*x")
     with pytest.raises(RsgenError, match="but no element follows it"):

@@ -125,14 +125,12 @@ def test_the_true_law_is_first_or_tied(law: str, noise: float, whole: bool) -> N
 
 
 @pytest.mark.usefixtures("few_laws")
-def test_a_law_is_ranked_with_the_library_or_alone_and_the_table_says_which() -> None:
+def test_a_law_is_ranked_with_the_library_or_alone() -> None:
     own, test = "c*v + k*x + k7*x**7", measured("cubic")
     both, alone = (rank(test, given, terms_in_sum=1) for given in ([own, laws["coulomb"], laws], own))
     assert {own, "coulomb", "cubic-spring"} <= {candidate.name for candidate in both}
     assert both.candidates[0].name == "cubic-spring"
     assert (both.library, alone.library, len(alone)) == (len(FEW), 0, 1)
-    assert f"; {len(FEW)} laws of the library " in str(both).replace("\n", " ")
-    assert " laws of the library " not in str(alone).replace("\n", " ")
 
 
 _STOPS = ("one-sided-stop", "two-sided-stop", "dead-zone", "cubic-spring")
@@ -356,23 +354,6 @@ def test_more_terms_never_miss_by_more(along: Along) -> None:
             assert trial.chi_squared <= trials[names - {name}].chi_squared * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("friction", [0.2, -0.2])
-def test_a_candidate_whose_friction_feeds_energy_is_fitted_and_refused(along, friction) -> None:
-    _, rows, candidate, _ = along
-    damper = make_element("friction", "Ff*sign(v)")
-    force, _ = rows.of_law(compile_law(damper.force), np.array([friction]))
-    candidate = CandidateLaw(
-        "with friction", (*candidate.elements, damper), {**candidate.values, "Ff": 0.0}, dissipates=(("Ff",),)
-    )
-    fitted = fit_candidate(candidate, replace(rows, right=rows.right + force), {})
-    assert fitted.feeds(rows) is (friction < 0)
-    if friction < 0:
-        assert fitted.fault == "its friction would feed energy"
-    else:
-        assert not fitted.fault
-        assert fitted.candidate.values["Ff"] == pytest.approx(friction, rel=0.1)
-
-
 def test_every_law_of_the_library_takes_part() -> None:
     terms = library_terms()
     # a gap with a linear spring is each of the others
@@ -462,18 +443,6 @@ def test_without_phases_no_law_fits_a_wrong_level_or_another_law(name: str) -> N
     # a gap is as good as a cubic spring of this size
     like = {_WITHOUT_PHASES[name][0], _RIVALS[3] if name == "cubic" else ""}
     assert not rank(table, [law for law in _RIVALS if law not in like]).fits
-
-
-@pytest.mark.slow
-def test_a_test_without_phases_that_a_linear_law_explains_is_not_rejected() -> None:
-    # without the mean a bilinear spring is a linear one; negative friction led to motions that none follows
-    ranking = rank(without_phase(measured("bilinear")), MEMORYLESS)
-    assert {"linear-damper + linear-spring", "bilinear-spring"} <= winners(ranking)
-    assert ranking.verdict.state == "identified"
-    assert all(candidate.values.get("mu", 0.0) >= 0 for candidate in ranking)
-    # an even force changes an amplitude in second order: two of them would replace each other
-    even = {term.name for term in library_terms() if not term.law.odd}
-    assert all(len(even & {*candidate.name.split(" + ")}) <= 1 for candidate in ranking)
 
 
 CASE = {

@@ -234,19 +234,6 @@ def test_index_lists_what_can_be_read(tmp_path):
     assert [entry.folder.name for entry in read_results(tmp_path)] == ["cubic", "odd #1"]
 
 
-def test_the_index_counts_findings_and_has_no_errors_without_a_truth(tmp_path):
-    findings = [Finding("note", one, names={"text": "text"}) for one in ("info", "info", "warning")]
-    content = cubic_result(0.01, *findings)
-    for row in (*content["parameters"], *content["forces"]):
-        row["true"] = row["relative_error"] = None
-    write_result(tmp_path, content)
-    write_index(tmp_path)
-    text = (tmp_path / "index.html").read_text(encoding="utf-8")
-    assert "; 1 warning and 2 notes" in text
-    assert "Table 1: identified values" in text
-    assert 'data-label="Error' not in text
-
-
 @pytest.mark.slow
 def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_open_is_said():
     joint = make_element("joint <b>", "k1*x + c1*v + z", {"z": "kn1*v - 20*abs(v)*z"})

@@ -153,7 +153,9 @@ def test_a_rejected_page_marks_its_numbers():
 
 @pytest.mark.slow
 def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
-    made = {"fine": (1.0,), "open": (None,), "doubted": (1.0, DOUBT), "wrong": (None, ERROR)}
+    remark = Finding("note", "info", names={"text": "text"})
+    fine = (1.0, WARNING, remark, remark)
+    made = {"fine": fine, "open": (None,), "doubted": (1.0, DOUBT), "wrong": (None, ERROR)}
     for name, found in made.items():
         write_result(tmp_path, cubic_result(*found), name)
     write_index(tmp_path)
@@ -161,6 +163,7 @@ def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
     assert "4 cases: 1 accepted, 1 identified, 1 doubtful, 1 rejected." in text
     assert "Rejected: these numbers are not to be used</strong>: structure feeds exciter" in text
     assert "Accepted: " in text
+    assert "; 1 warning and 2 notes" in text
     assert text.count('data-status="rejected"') == 2
     assert ['id="show-doubtful"' in text, 'id="show-missed"' in text] == [True, False]
     # all four have one title
