@@ -354,6 +354,23 @@ def test_more_terms_never_miss_by_more(along: Along) -> None:
             assert trial.chi_squared <= trials[names - {name}].chi_squared * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("friction", [0.2, -0.2])
+def test_a_candidate_whose_friction_feeds_energy_is_fitted_and_refused(along, friction) -> None:
+    _, rows, candidate, _ = along
+    damper = make_element("friction", "Ff*sign(v)")
+    force, _ = rows.of_law(compile_law(damper.force), np.array([friction]))
+    candidate = CandidateLaw(
+        "with friction", (*candidate.elements, damper), {**candidate.values, "Ff": 0.0}, dissipates=(("Ff",),)
+    )
+    fitted = fit_candidate(candidate, replace(rows, right=rows.right + force), {})
+    assert fitted.feeds(rows) is (friction < 0)
+    if friction < 0:
+        assert fitted.fault == "its friction would feed energy"
+    else:
+        assert not fitted.fault
+        assert fitted.candidate.values["Ff"] == pytest.approx(friction, rel=0.1)
+
+
 def test_every_law_of_the_library_takes_part() -> None:
     terms = library_terms()
     # a gap with a linear spring is each of the others
