@@ -11,12 +11,12 @@ from scipy.signal import cont2discrete, lfilter
 
 import rsgen
 from rsgen.common.errors import MeasurementError, RsgenError
-from rsgen.common.finding import Finding
-from rsgen.data.history import FreeDecay, TimeHistory, follow_decay, from_free_decay
+from rsgen.data.history import TimeHistory, follow_decay, from_free_decay
 from rsgen.data.history.decay import _scatter
 from rsgen.data.oscillator import Model
 from rsgen.identification.fitting.points import select_points
 from tests.surfaces import codes
+from tests.virtual import only
 
 MASS, STIFFNESS = 1.5, 1.5 * (2 * np.pi * 10) ** 2
 RATE = 500.0
@@ -24,23 +24,17 @@ LAWS = {
     # force added to the linear spring; describing functions of stiffness and damping (docs/method.md, 3)
     "linear": (lambda x, v: 1.9 * v, lambda X, w: 0 * X, lambda X, w: 1.9 + 0 * X),
     "cubic": (lambda x, v: -2e6 * x**3 + 1.9 * v, lambda X, w: -1.5e6 * X**2, lambda X, w: 1.9 + 0 * X),
-    "drag": (
-        lambda x, v: 0.9 * v + 2 * v * abs(v),
-        lambda X, w: 0 * X,
-        lambda X, w: 0.9 + 2 * 8 / (3 * np.pi) * w * X,
-    ),
-}
+    "drag": (lambda x, v: 0.9 * v + 2 * v * abs(v), lambda X, w: 0 * X,
+             lambda X, w: 0.9 + 2 * 8 / (3 * np.pi) * w * X),
+}  # fmt: skip
 
 
 def free(pace: float, duration: float, frequency: float = 10.0, rate: float = RATE) -> np.ndarray:
-    """A free decay of a linear mode, from 1."""
     t = np.arange(0, duration, 1 / rate)
     return np.exp(-pace * t) * np.cos(2 * np.pi * frequency * t)
 
 
-def followed(
-    response: np.ndarray, mass: float | None = MASS, rate: float = RATE, **options: Any
-) -> FreeDecay:
+def followed(response: np.ndarray, mass: float | None = MASS, rate: float = RATE, **options: Any):
     return follow_decay(TimeHistory(rate, None, response), mass=mass, **options)
 
 
@@ -78,10 +72,7 @@ def test_a_free_decay_gives_the_describing_functions(name: str) -> None:
     np.testing.assert_allclose(found.damping_ratio, found.damping / (2 * MASS * omega), rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("k2", "k3", "quantity"),
-    [(0.0, 4e8, "displacement"), (5e5, 1e8, "displacement"), (0.0, 4e8, "velocity")],
-)
+@pytest.mark.parametrize(("k2", "k3", "quantity"), [(5e5, 1e8, "displacement"), (0.0, 4e8, "velocity")])
 def test_the_harmonics_of_a_decay_are_those_of_its_steady_motion(k2: float, k3: float, quantity: str) -> None:
     mass, c = 0.5, 0.6
     x, v = integrated(
@@ -128,7 +119,6 @@ def test_a_decay_as_points_of_a_steady_test_has_the_same_curves() -> None:
 def test_the_mass_with_which_a_decay_was_read_is_known_afterwards() -> None:
     surface = from_free_decay(TimeHistory(RATE, None, free(0.6, 15)), mass=MASS)
     assert rsgen.modal_table(surface).mass == MASS
-    assert rsgen.identify(surface, "k*x + c*v").mass == MASS
     weighed = rsgen.identify(surface, "k*x + c*v", mass=MASS, mass_error=0.02 * MASS)
     assert weighed["k"].standard_error == pytest.approx(0.02 * weighed["k"].value, rel=1e-3)
     assert weighed["m"].standard_error == pytest.approx(0.02 * MASS)
@@ -157,19 +147,13 @@ def driven_decay(noise: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     return force, x + noise * np.std(x) * np.random.default_rng(2).normal(size=len(x))
 
 
-def one(findings: tuple[Finding, ...], code: str) -> Finding:
-    (found,) = (finding for finding in findings if finding.code == code)
-    return found
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_a_decay_begins_where_the_drive_ends_though_no_force_was_measured(noise: float) -> None:
     found = followed(driven_decay(noise)[1])
-    begin = one(found.findings, "decay-taken")
+    begin = only(found, "decay-taken")
     assert begin.names["after"] == "drive"
     assert 12.0 <= begin["begin"] < 13.0
     assert begin["large"] == pytest.approx(found.amplitude[0])
-    # it was a thousand times too small
     loud = found.amplitude > 0.1 * found.amplitude[0]
     assert np.median(found.damping[loud]) == pytest.approx(1.9, rel=0.05 if noise else 1e-3)
     np.testing.assert_allclose(found.stiffness, STIFFNESS, rtol=0.02 if noise else 1e-4)
@@ -178,8 +162,8 @@ def test_a_decay_begins_where_the_drive_ends_though_no_force_was_measured(noise:
 def test_a_given_start_wins_and_a_drive_after_it_is_a_doubt() -> None:
     _, x = driven_decay()
     early, late = followed(x, start=8.0), followed(x, start=12.5)
-    assert one(early.findings, "decay-taken")["begin"] == pytest.approx(8.0)
-    assert one(early.findings, "decay-not-free").severity == "doubt"
+    assert only(early, "decay-taken")["begin"] == pytest.approx(8.0)
+    assert only(early, "decay-not-free").severity == "doubt"
     assert [finding.code for finding in late.findings] == ["decay-taken"]
     np.testing.assert_allclose(late.damping, 1.9, rtol=1e-3)
 
@@ -190,16 +174,14 @@ def test_every_blow_of_a_record_is_a_decay_of_its_own(with_force: bool) -> None:
     force = sum(size * np.exp(-(((t - at) / 0.004) ** 2)) for at, size in ((2, 400), (13, 250), (24, 500)))
     x = response_to(force)
     surface = from_free_decay(TimeHistory(RATE, force if with_force else None, x), mass=MASS)
-    (several,) = (finding for finding in surface.findings if "used" in finding.numbers)
-    assert (several.code, several["used"]) == ("decay-taken", 3)
-    assert len(surface.levels) == 3
+    assert [one["used"] for one in surface.findings if "used" in one.numbers] == [len(surface.levels)] == [3]
     c = (surface.force / surface.harmonics[:, 1]).imag / surface.omega
     np.testing.assert_allclose(c, 1.9, rtol=5e-3)
 
 
 def test_modes_that_beat_are_a_doubt() -> None:
     slow = TimeHistory(RATE, None, free(0.31, 30) + 0.8 * free(0.3267, 30, 10.4))
-    assert one(from_free_decay(slow, mass=MASS).findings, "decay-not-free").severity == "doubt"
+    assert only(from_free_decay(slow, mass=MASS), "decay-not-free").severity == "doubt"
     fast = TimeHistory(RATE, None, free(0.3, 30) + 0.8 * free(0.3, 30, 11.5))
     with pytest.raises(MeasurementError, match="second mode beats with it"):
         from_free_decay(fast, mass=MASS)
@@ -219,10 +201,9 @@ def test_a_background_is_neither_advised_nor_accepted_for_a_free_decay() -> None
     found = rsgen.identify(table, "k*x + c*v", mass=MASS)
     assert "law-does-not-fit" in codes(found)
     assert "background-missing" not in codes(found)
-    for kind in ("phase", "residuals", "residuals+offset"):
-        for ask, *law in ((rsgen.identify, "k*x + c*v"), (rsgen.rank, "k*x + c*v"), (rsgen.modal_table,)):
-            with pytest.raises(RsgenError, match="free decay"):
-                ask(table, *law, rsgen.Observation(background=kind), mass=MASS)
+    for ask, *law in ((rsgen.identify, "k*x + c*v"), (rsgen.rank, "k*x + c*v"), (rsgen.modal_table,)):
+        with pytest.raises(RsgenError, match="free decay"):
+            ask(table, *law, rsgen.Observation(background="residuals+offset"), mass=MASS)
 
 
 def test_neighbours_of_a_decay_are_those_in_amplitude() -> None:
@@ -231,7 +212,6 @@ def test_neighbours_of_a_decay_are_those_in_amplitude() -> None:
     table = from_free_decay(TimeHistory(RATE, None, decay("linear") + noise), mass=MASS)
     points = select_points(table, Model("k*x + c*v"))
     order = np.argsort(points.amplitude)
-    assert 5 < np.count_nonzero(np.diff(points.omega[order]) > 0) < len(points) - 5
     np.testing.assert_array_equal(points.neighbours, np.stack([order[:-1], order[1:]], axis=1))
 
 
@@ -283,39 +263,27 @@ def released(amplitude: float, held: float = 0.15, rate: float = 2000.0) -> Time
 @pytest.mark.parametrize("start", [None, 0.0])
 def test_a_decay_begins_where_a_structure_held_displaced_is_let_go(start: float | None) -> None:
     found = follow_decay(released(6e-3), mass=0.5, start=start)
-    begin = one(found.findings, "decay-taken")
-    assert begin.names["after"] == "hold"
-    assert begin["begin"] == pytest.approx(0.15, abs=1e-3)
-    assert found.amplitude[0] > 5.0e-3
-    omega = 2 * np.pi * found.frequency
-    assert found.damping[0] == pytest.approx(0.6 + 4 * 0.25 / (np.pi * omega * found.amplitude)[0], rel=0.01)
-
-
-def test_the_step_of_a_hold_is_not_the_line_of_the_mode() -> None:
+    begin = only(found, "decay-taken")
+    assert (begin.names["after"], begin["begin"]) == ("hold", pytest.approx(0.15, abs=1e-3))
+    omega, X = 2 * np.pi * found.frequency[0], found.amplitude[0]
+    assert X > 5.0e-3
+    assert found.damping[0] == pytest.approx(0.6 + 4 * 0.25 / (np.pi * omega * X), rel=0.01)
+    # the step of a hold is not the line of the mode
     pace = 0.003 * 2 * np.pi * 10
     x = 3e-3 * np.concatenate([np.ones(round(2 * RATE)), free(pace, 28)]) + 1e-4
     x += 1e-6 * np.random.default_rng(0).standard_normal(len(x))
     found = followed(x, mass=1.0)
-    assert one(found.findings, "decay-taken")["begin"] == pytest.approx(2.0, abs=2e-3)
+    assert only(found, "decay-taken")["begin"] == pytest.approx(2.0, abs=2e-3)
     assert found.damping[0] == pytest.approx(2 * pace, rel=2e-3)
 
 
 def test_points_near_rest_are_left_out_and_counted() -> None:
     law, values = HELD_OUT["friction"]
     table = virtual(law, values, 0.5, level=[4e-3], duration=4, rate=2000)
-    (left,) = (f for f in table.findings if f.code == "points-excluded")
+    left = only(table, "points-excluded")
     assert (left["excluded"], left["points"]) == (1, len(table) + 1)
     # 4 Ff/k a period, within nearly four of them
     assert table.amplitude.min() > 15 * values["Ff"] / values["k"]
-
-
-def test_a_friction_that_a_decay_shows_as_sharp_has_no_width() -> None:
-    # where a period of 64 samples does not resolve tanh(v/vs), its width is no value of the test
-    law, values = "k*x + c*v + Ff*sign(v)", {"k": 6000.0, "c": 0.3, "Ff": 0.05}
-    table = virtual(law, values, 1.5, level=[6e-3, 12e-3], duration=25, rate=400, seed=3)
-    found = rsgen.identify(table, "k*x + c*v + Ff*tanh(v/vs)", mass=1.5)
-    assert not found["vs"].identifiable
-    assert found["vs"].interval[0] == -np.inf
 
 
 def test_the_noise_of_a_decay_is_that_of_its_slopes() -> None:
@@ -404,58 +372,38 @@ def dragged(release: float = 5.5e-3) -> np.ndarray:
 def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
     law = "k*x + k3*x**3 + c*v + q*v*abs(v)"
     surface = from_free_decay(TimeHistory(2000, None, dragged(), "acceleration"), mass=0.62)
-    taken = one(surface.findings, "decay-taken")
+    taken = only(surface, "decay-taken")
     assert taken["released"] == pytest.approx(5.5e-3, rel=0.15)
     # at some 20 Hz; the amplitude falls too fast for the slopes of a window nearer to the release
     assert (taken["first"] - taken["begin"]) * 20 == pytest.approx(7, abs=0.4)
     found = rsgen.identify(surface, law, mass=0.62)
-    short = one(found.findings, "decay-begins-larger")
+    short = only(found, "decay-begins-larger")
     assert short.severity == "warning"
     assert short["fitted"] < 0.5 * short["released"]
     # jumps were given as the reason, which a decay has not
-    assert "falls too fast within the window" in rsgen.sentence(one(found.findings, "points-excluded"))
-    # a light damper loses little in seven periods
-    light = 0.012 * free(0.004 * 20 * np.pi, 60)
-    surface = from_free_decay(TimeHistory(RATE, None, light), mass=MASS)
-    assert "decay-begins-larger" not in codes(rsgen.identify(surface, "k*x + c*v", mass=MASS))
+    assert "falls too fast within the window" in rsgen.sentence(only(found, "points-excluded"))
 
 
 def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_named() -> None:
     history = TimeHistory(2000, None, dragged(), "acceleration")
     early = follow_decay(history, mass=0.62, start=0.5)
-    taken = one(early.findings, "decay-taken")
+    taken = only(early, "decay-taken")
     assert (taken["begin"], taken.names["after"]) == (pytest.approx(0.75, abs=1e-3), "blow")
     # of a light damper a later period may have the largest sample
     light = np.concatenate([np.zeros(600), free(0.13, 40)])
     light += 0.003 * np.random.default_rng(1).standard_normal(len(light))
     found = follow_decay(TimeHistory(RATE, None, light, "acceleration"), mass=1.0, start=0.3)
-    assert 1.2 <= one(found.findings, "decay-taken")["begin"] < 1.5
+    assert 1.2 <= only(found, "decay-taken")["begin"] < 1.5
     assert found.findings[1:] == ()
     assert np.array_equal(early.damping, follow_decay(history, mass=0.62).damping)
     with pytest.raises(MeasurementError, match=r"or the start of 8.4 s cuts it"):
         follow_decay(history, mass=0.62, start=8.4)
 
 
-def test_levels_of_decays_are_labels() -> None:
-    decays = [
-        TimeHistory(2000, None, dragged(x), "acceleration", level=n) for x, n in ((2.5e-3, 1), (4e-3, 2))
-    ]
-    surface = from_free_decay(decays, mass=0.62)
-    assert np.unique(surface.label).tolist() == [1, 2]
-    assert one(surface.findings, "levels-disagree").names["labels"] == "1, 2"
-    hidden = rsgen.Observation(hold_out=[2])
-    (held,) = rsgen.identify(surface, "k*x + k3*x**3 + c*v + q*v*abs(v)", hidden, mass=0.62).held_out
-    assert held.level == surface.levels[1]
-
-
-def test_noise_is_no_decay_that_is_too_short():
-    noise = 1e-3 * np.random.default_rng(5).normal(size=6000)
-    with pytest.raises(RsgenError, match="does not fall as a free decay does"):
-        followed(noise, rate=1000)
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.005])
-def test_a_growing_motion_is_no_decay(noise):
+def test_a_growing_motion_and_noise_are_no_decay(noise):
+    with pytest.raises(RsgenError, match="does not fall as a free decay does"):
+        followed(1e-3 * np.random.default_rng(5).normal(size=6000), rate=1000)
     # a record read backwards grows; to its last zero
     motion = free(0.4, 20.025, rate=400)[:9:-1]
     motion = motion + noise * np.random.default_rng(1).normal(size=len(motion))

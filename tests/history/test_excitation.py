@@ -15,8 +15,6 @@ STEPS = np.cos(np.cumsum(2 * np.pi * np.repeat(np.linspace(9.5, 10.5, 10), len(T
 SWEEP = np.cos(2 * np.pi * (8 + 4 / 240 * TIME) * TIME)
 BAND = butter(4, [5, 50], "band", fs=RATE, output="sos")
 READERS = {"stepped": from_stepped_sine, "swept": from_swept_sine}
-
-
 BLOWS = sum(300 * np.exp(-(((TIME - at) / 0.004) ** 2)) for at in (5, 40, 80))
 PHASES = np.random.default_rng(1).uniform(0, 2 * np.pi, 140)
 MULTISINE = sum(np.cos(2 * np.pi * k / 12 * TIME + phase) for k, phase in enumerate(PHASES, start=60))
@@ -32,8 +30,11 @@ def test_what_is_no_sine_is_refused(reader: str, force: np.ndarray) -> None:
         READERS[reader](TimeHistory(RATE, force, response_to(force)))
 
 
-@pytest.mark.parametrize(("reader", "force"), [("stepped", STEPS), ("swept", SWEEP)])
-@pytest.mark.parametrize(("noise", "offset"), [(0.0, 0.0), (0.01, 0.6), (0.03, 0.0)])
+DRIVES = pytest.mark.parametrize(("reader", "force"), [("stepped", STEPS), ("swept", SWEEP)])
+
+
+@DRIVES
+@pytest.mark.parametrize(("noise", "offset"), [(0.01, 0.6), (0.03, 0.0)])
 def test_an_ordinary_test_is_not_doubted(reader: str, force: np.ndarray, noise: float, offset: float) -> None:
     """The offset of an accelerometer on the base counted as power that drives the structure, too."""
     x = response_to(force)
@@ -43,7 +44,7 @@ def test_an_ordinary_test_is_not_doubted(reader: str, force: np.ndarray, noise: 
     assert "doubt" not in found.values()
 
 
-@pytest.mark.parametrize(("reader", "force"), [("stepped", STEPS), ("swept", SWEEP)])
+@DRIVES
 def test_a_response_that_does_not_answer_the_force_is_a_doubt(reader: str, force: np.ndarray) -> None:
     found = READERS[reader](TimeHistory(RATE, force, RANDOM[1]))
     assert severities(found)["power-not-at-lines"] == "doubt"

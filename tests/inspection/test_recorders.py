@@ -1,6 +1,5 @@
 """Files of recorders: channels, names and units beside the numbers, points of a modal test, sheets."""
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from tests.inspection.drafts import (
     is_receptance,
     read_draft,
 )
+from tests.measurement.universal_files import response_set, write_sets
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("read_here")]
 
@@ -58,21 +58,15 @@ def test_channels_without_names_are_not_guessed_silently(tmp_path):
 
 def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[str, ...] = ()) -> Path:
     """Write accelerances at nodes and directions, times a number; without titles each is called "a"."""
-    pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
+    named = [{"rsp_ent_name": name, "ref_ent_name": name} for name in ("NONE", "WING")]
     sets = [
-        pyuff.prepare_58(
-            func_type=4, rsp_node=node, rsp_dir=direction, ref_node=7 * bool(node), ref_dir=3 * bool(node),
-            rsp_ent_name="WING" if node else "NONE", ref_ent_name="WING" if node else "NONE",
-            data=-(OMEGA**2) * share * RECEPTANCE, x=FREQUENCY, binary=0, id1=title, z_axis_value=0.0,
-            abscissa_spacing=1, abscissa_min=6.0, abscissa_inc=0.5, num_pts=17, ord_data_type=6,
-            ordinate_spec_data_type=12, orddenom_spec_data_type=13, abscissa_spec_data_type=18,
+        response_set(
+            FREQUENCY, -(OMEGA**2) * share * RECEPTANCE, rsp_node=node, rsp_dir=direction, id1=title,
+            ref_node=7 * bool(node), ref_dir=3 * bool(node), **named[bool(node)],
         )
         for (node, direction, share), title in zip(points, titles or "a" * len(points), strict=True)
     ]  # fmt: skip
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        pyuff.UFF(str(path)).write_sets(sets, "overwrite")
-    return path
+    return write_sets(path, *sets)
 
 
 @pytest.mark.parametrize(("points", "left_out"), [

@@ -8,10 +8,10 @@ import pytest
 import rsgen as rs
 from rsgen.common.errors import CaseError, MeasurementError
 from rsgen.files.histories import shifted
-from rsgen.files.plan import HistoryRule, MeasuredTest
+from rsgen.files.plan import HistoryRule
 from rsgen.files.signals import BaseRule, Channel, combination
 from tests.case_files import GONE, MEASURED, Changes, write_small
-from tests.measurement.tables import write_columns
+from tests.measurement.tables import planned, write_columns
 
 F = np.linspace(6.0, 9.0, 25)
 OMEGA = 2 * np.pi * F
@@ -20,18 +20,12 @@ PAYLOAD = (1.3 - 0.1j) * WING
 FORCE = 3.0 * np.exp(0.2j * F)
 
 
-@pytest.mark.parametrize(("text", "terms"), [
-    ("payload - wing", {"payload": 1.0, "wing": -1.0}),
-    ("-base", {"base": -1.0}),
-    (" 0.5*left + .5 * right-2.*up", {"left": 0.5, "right": 0.5, "up": -2.0}),
-])  # fmt: skip
-def test_a_sum_of_channels_is_read(text, terms):
-    assert combination(text) == terms
+def test_a_sum_of_channels_is_read():
+    assert combination("-base") == {"base": -1.0}
+    assert combination(" 0.5*left + .5 * right-2.*up") == {"left": 0.5, "right": 0.5, "up": -2.0}
 
 
-@pytest.mark.parametrize(
-    "text", ["", "a b", "a*2", "a - a", "0*a", "__import__('os')", "2", "a +", "a.b", "a/b"]
-)
+@pytest.mark.parametrize("text", ["", "a b", "a*2", "a - a", "0*a", "__import__('os')", "2", "a +", "a/b"])
 def test_what_is_no_sum_is_refused(text):
     with pytest.raises(MeasurementError):
         combination(text)
@@ -83,23 +77,6 @@ def test_each_channel_has_its_file_quantity_unit_factor_and_delay(tmp_path):
     np.testing.assert_allclose(surface.harmonics[:, 1], PAYLOAD - 0.5 * WING, rtol=1e-12)
 
 
-def test_columns_of_force_and_response_have_all_that_a_named_channel_has(tmp_path):
-    late = 1j * OMEGA * WING * np.exp(-2e-3j * OMEGA)
-    response = parts(2, "velocity", delay="2 ms")
-    read = {"test.force": parts(1, "force", file="b.csv"), "test.response": response}
-    surface = rs.read(write(tmp_path, read, a=(late,), b=(FORCE,)))
-    np.testing.assert_allclose(surface.force, FORCE, rtol=1e-12)
-    np.testing.assert_allclose(surface.harmonics[:, 1], WING, rtol=1e-12)
-    for changes, said in (
-        ({"test.response.quantity": "force"}, "test.response.quantity: is 'force'; 'displ"),
-        ({"test.force.file": ["a.csv", "b.csv"]}, "test.force.file: 2 for 1 files"),
-        ({"test.force": {"nominal": True, "real": 2, "imaginary": 3}}, "test.force.real: .* nominal"),
-        ({"test.response.nominal": True}, "test.response.nominal: is true; only force or base"),
-    ):
-        with pytest.raises(CaseError, match=said):
-            rs.load_case(write(tmp_path, read | changes))
-
-
 @pytest.mark.parametrize(("quantity", "power", "unit"), [
     ("displacement", 0, "m"), ("velocity", 1, "m/s"), ("acceleration", 2, "m/s^2"),
 ])  # fmt: skip
@@ -136,7 +113,6 @@ def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
     t = np.arange(0, 60, 1 / 400)
     drive = 3 * np.cos(2 * np.pi * (5 + 0.05 * t) * t)
     late = shifted(drive, -0.7)
-
     payload = {"quantity": "displacement", "samples": 2}
     read = {
         "element": [{"name": "all", "force": SPRING}, MOUNT], "test.frequency": GONE,
@@ -158,11 +134,13 @@ def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
     ({"test.response.channels": "wing wing"}, "a sum of channels is needed"),
     ({"test.response.real": 4, "test.response.imaginary": 5}, "leave one of them out"),
     ({"test.response.factor": -1}, "factor: is of a column"),
-    ({"test.response.unit": "mm"}, "unit: is of a column"),
     ({"test.response.quantity": "velocity"}, "quantity: is 'velocity', but"),
-    ({"test.response.file": "b.csv"}, "file: is of a column"),
     ({"test.channels.payload.delay": 1e300}, "delay"),
     ({"test.force": {"channels": "wing"}}, "made of forces"),
+    ({"test.force.file": ["a.csv", "b.csv"]}, "test.force.file: 2 for 1 files"),
+    ({"test.force": {"nominal": True, "real": 2, "imaginary": 3}}, "test.force.real: .* nominal"),
+    ({"test.channels": GONE, "test.response": parts(4, "force")}, "quantity: is 'force'; 'displ"),
+    ({"test.channels": GONE, "test.response": parts(4, "velocity", nominal=True)}, "nominal: is true; only"),
     ({"element": MOUNTED["element"], "element.2.across": "payload - tail"}, "tail: no such channel"),
     ({"test.base": {"response": "relative", "channels": "wing"}}, "leave one"),
     ({"test.force": GONE}, "force: is missing"),
@@ -177,4 +155,4 @@ def test_a_base_does_not_lose_its_unit_in_a_free_decay():
     history = HistoryRule("ring-down", rate=400.0)
     base = BaseRule(Channel(samples="b", quantity="acceleration"), "relative")
     with pytest.raises(MeasurementError, match="base: does not go with 'ring-down'"):
-        MeasuredTest("a.csv", None, None, Channel(samples="x"), "displacement", history=history, base=base)
+        planned("a.csv", None, None, Channel(samples="x"), history=history, base=base)

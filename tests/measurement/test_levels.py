@@ -112,7 +112,6 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     ({"1V": 4, "2V": 3, "3V": 2}, {"name": "{level}V", "unit": "label"}, [2, 3, 4], INFO | SWAPPED),
     # nominal levels 1.7 and 2 times off the force of their files
     ({"a.csv": 1.0, "b.csv": 3.0, "c.csv": 3.5}, {"values": (1, 3, 6)}, [1, 3, 3.5], DOUBT),
-    ({"a.csv": 1.0, "b.csv": 3.0, "c.csv": 6.0}, {"values": (1, 3, 3)}, [1, 3], DOUBT),
     (ALIKE, {"name": "{level}.csv"}, [1, 3, 9], {"levels-of-one-force": "doubt"}),
     (ALIKE, {"name": "{level}.csv", "unit": "label"}, [4.99, 5.0, 5.01], INFO),
 ])  # fmt: skip
@@ -148,12 +147,6 @@ def test_a_force_that_was_held_is_no_held_response(tmp_path):
     forces = {f"{level}.csv": level * (1 + 0.5 * np.sin(FREQUENCY)) for level in (1, 3)}
     test = of_files(tmp_path, forces, level=LevelRule(name="{level}.csv"), control="response")
     assert severities(read_measurement(test))["response-not-held"] == "doubt"
-
-
-def test_files_of_a_held_response_are_levels_of_the_amplitude_held(tmp_path):
-    sizes = {"a.csv": 1e-3, "b.csv": 2e-3}
-    test = of_files(tmp_path, dict.fromkeys(sizes, 3 + np.sin(FREQUENCY)), sizes, control="response")
-    np.testing.assert_allclose(read_measurement(test).levels, [1e-3, 2e-3], rtol=1e-12)
 
 
 def test_unstable_points_of_a_continuation_are_marked(tmp_path):
@@ -195,7 +188,6 @@ def test_records_are_held_out_by_their_labels():
     # a label may have several amounts, and an amount several labels
     several = MultisineSpectra([1.0, 1.3, 1.0, 5.0], 1.0, lines[[0] * 4], lines[[0] * 4], label=[1, 1, 2, 3])
     assert several.held_out((1.0,)).tolist() == [True, True, False, False]
-    assert several.held_out((5.0,)).tolist() == [False, False, False, True]
     # a label within its printed digits, as of a surface; the refusal lists labels
     thirds = replace(spectra, label=np.array([1 / 3, 2 / 3, 1.0]))
     assert thirds.held_out((0.667,)).tolist() == [False, True, False]
@@ -214,8 +206,7 @@ def test_levels_of_a_sweep_that_a_mass_corrected_are_not_said_to_be_measured():
 @pytest.mark.parametrize(("levels", "asked", "meant"), [
     ([2.38636e-09 * (1 + 1.9e-6), 5e-9], 2.38636e-09, 0), ([3.4217, 5.0], 3.42, 0),
     ([3.4217, 3.4229], 3.42, None), ([3.42, 3.4229], 3.42, 0), ([2.6, 5.0], 3.0, None),
-    ([58.2134, 28.8], 58.2, 0), ([0.2994, 0.8008], 0.8, 1), ([0.2994, 0.8008], 0.3, 0),
-    ([0.8008, 0.7994], 0.8, None),
+    ([0.2994, 0.8008], 0.8, 1), ([0.8008, 0.7994], 0.8, None),
 ])  # fmt: skip
 def test_a_level_is_found_by_the_digits_that_are_printed(levels, asked, meant):
     assert match_level(np.array(levels), asked) == (None if meant is None else levels[meant])
