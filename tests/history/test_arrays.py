@@ -12,13 +12,6 @@ RATE = 500.0
 TIME = np.arange(0, 200, 1 / RATE)
 
 
-def test_the_package_shows_what_is_meant_and_no_more() -> None:
-    assert dir(rs.history) == sorted(rs.history.__all__)
-    assert "history" in dir(rs)
-    for name in rs.history.__all__:
-        assert getattr(rs.history, name).__doc__
-
-
 SINE = np.cos(20 * np.pi * TIME)
 SWEEP = rs.history.TimeHistory(RATE, np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME), SINE)
 

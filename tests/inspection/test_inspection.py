@@ -261,6 +261,9 @@ def test_an_encoding_that_does_not_fit_is_a_sentence(tmp_path):
     assert text.split(";")[2] == "\u5909\u4f4d"
     with pytest.raises(MeasurementError, match=r"line 1: not utf-8; .* test\.layout\.encoding"):
         read_columns(path, Layout(encoding="utf-8"), [1])
+    path.write_bytes("f,F,x\r\n1,1,2".encode("utf-16"))
+    with pytest.raises(MeasurementError, match=r"a\.csv: line 1: contains a zero byte; .* UTF-8"):
+        read_columns(path, Layout(), ["f"])
 
 
 @pytest.mark.parametrize(("head", "force", "response", "level"), [

@@ -61,15 +61,13 @@ def test_points_of_two_modes_are_no_backbone(second, apart):
         with pytest.raises(RsgenError, match="two modes"):
             rsgen.modal_table(both)
         said = replace(both, findings=lag_findings(both))
-        found = rsgen.identify(said, LAW, rsgen.Observation(band=(9.0, 11.0)), mass=MASS)
-        assert found.verdict.state == "identified"
-        assert rsgen.identify(said, LAW, mass=MASS).verdict.state in ("doubtful", "rejected")
+        assert not rsgen.identify(said, LAW, mass=MASS).verdict.usable
         table = rsgen.modal_table(both, rsgen.Observation(band=(9.0, 11.0)))
         np.testing.assert_allclose(table.at(one.amplitude).frequency, one.frequency, rtol=1e-3)
 
 
 # 31 harmonics of dry friction leave the next ones, where it takes most of the force
-@pytest.mark.parametrize(("name", "off"), [("cubic", 2e-4), ("coulomb", 2e-3), ("bilinear", 2e-4)])
+@pytest.mark.parametrize(("name", "off"), [("coulomb", 2e-3), ("bilinear", 2e-4)])
 def test_force_control_finds_the_same_motions(name, off):
     case = rsgen.load_case(CASES / f"{name}.toml")
     X, f = np.repeat([1e-3, 5e-3, 1.2e-2], 9), np.tile(np.linspace(7.5, 12.5, 9), 3)

@@ -19,8 +19,6 @@ LAWS = {
     "smooth friction": ("A*tanh(v/w) + c*v + k*x", {"A": 0.7, "c": 3.8, "k": 5920.0, "w": 0.3}),
     "coupled": ("c*v + k*x + cx*x**2*v", {"c": 3.8, "k": 5920.0, "cx": 3e4}),
 }
-
-
 FREQUENCY = OMEGA / 2 / np.pi
 
 
@@ -74,7 +72,6 @@ SIZE = np.linspace(0.01, 0.03, 5)
 
 
 def hold(text: str, place: np.ndarray, size: np.ndarray = SIZE, order: int = 9, samples: int = 128):
-    """Hold amplitudes of a law at values and mass."""
     law = compile_law(parse(text))
     start = np.zeros((len(OMEGA), order + 1), dtype=complex)
     orders = balance.following_harmonics(law, order)

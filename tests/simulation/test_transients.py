@@ -15,18 +15,6 @@ LIGHT = rs.Oscillator(MASS, CUBIC.elements, {**CUBIC.values, "c": 1.0})
 LAW = str(CUBIC.force)
 
 
-def test_a_linear_decay_has_frequency_and_damping_of_the_closed_form():
-    c, k = 1.2, 6000.0
-    linear = rs.Oscillator(MASS, "k*x + c*v", {"k": k, "c": c})
-    surface = rs.simulate(linear, rs.DecayTest([2e-3], duration=10, rate=400))
-    ratio = c / (2 * np.sqrt(k * MASS))
-    # the frequency of the steady motion, which that of the decay is below by ratio^2/2
-    np.testing.assert_allclose(surface.frequency, np.sqrt(k / MASS) / (2 * np.pi), rtol=1e-4)
-    found = (surface.force / surface.harmonics[:, 1]).imag / (2 * MASS * surface.omega**2)
-    np.testing.assert_allclose(found, ratio, rtol=1e-3)
-    assert surface.origin == "simulated"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["linear", pytest.param("logarithmic", marks=pytest.mark.thorough)])
 def test_a_slow_sweep_has_the_law_of_the_stepped_test(kind):
