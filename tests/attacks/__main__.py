@@ -1,6 +1,6 @@
 """All attacks, at the counts of the table or at those given: ``reports/attacks.md``.
 
-``python -m tests.attacks`` runs everything, which takes hours; ``python -m tests.attacks kills=100 cache=20``
+``python -m tests.attacks`` runs everything, which takes hours; ``python -m tests.attacks kills=100 cases=20``
 runs those modules, and leaves the other rows of the table as they are.
 """
 
@@ -15,7 +15,7 @@ from tests.attacks.program import print_rows
 
 # the modules, in the order of the table, and how often each attack is made
 COUNTS = {
-    "kills": 300, "cache": 30, "readers": 5000, "expressions": 20_000, "cases": 10_000, "surroundings": 60,
+    "kills": 300, "readers": 5000, "expressions": 20_000, "cases": 10_000, "surroundings": 60,
 }  # fmt: skip
 TABLE = Path(__file__).parents[2] / "reports" / "attacks.md"
 

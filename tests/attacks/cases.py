@@ -3,7 +3,6 @@
 ``python -m tests.attacks cases=10000``; ``python -m tests.attacks.cases --only NUMBER`` repeats one.
 """
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +14,7 @@ from numpy.random import Generator
 from rsgen import load_case
 from tests.attacks.child import Outcome, attacked, command, judged, measured, said_of
 from tests.attacks.damage import DAMAGE
-from tests.attacks.texts import TEXTS, grown, pick
+from tests.attacks.texts import pick
 
 SECONDS = 10.0
 MEGABYTES = 1024.0
@@ -35,16 +34,6 @@ def other_value(text: str, rng: Generator) -> str:
     places = [number for number, line in enumerate(lines) if "=" in line]
     place = pick(rng, places)
     lines[place] = f"{lines[place].split('=')[0]}= {pick(rng, VALUES)}"
-    return "\n".join(lines)
-
-
-def other_law(text: str, rng: Generator) -> str:
-    lines = text.split("\n")
-    places = [number for number, line in enumerate(lines) if line.lstrip().startswith("force ")]
-    make = grown if rng.random() < 0.5 else pick(rng, TEXTS)
-    if places:
-        law = json.dumps(make(rng)[:3000], ensure_ascii=False)
-        lines[pick(rng, places)] = f"force = {law}"
     return "\n".join(lines)
 
 
@@ -73,7 +62,7 @@ def damaged(text: str, rng: Generator) -> bytes:
 
 
 WAYS: tuple[Callable[[str, Generator], str | bytes], ...] = (
-    other_value, other_value, other_law, line_gone, many_tables, damaged, damaged,
+    other_value, other_value, line_gone, many_tables, damaged, damaged,
 )  # fmt: skip
 
 

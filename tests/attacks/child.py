@@ -44,16 +44,6 @@ def _peak(key: str) -> float:
     return 0.0
 
 
-def _worked() -> float:
-    return time.process_time() + sum(os.times()[2:4])
-
-
-def _children() -> float:
-    import resource  # which Windows lacks
-
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-
-
 def said_of(attempt: Callable[[], object], longest: int = 10_000) -> str:
     """Say what an attempt comes to: a result, or a refusal, which is a sentence; warnings are errors.
 
@@ -72,26 +62,28 @@ def said_of(attempt: Callable[[], object], longest: int = 10_000) -> str:
 
 def measured(number: int, name: str, attempt: Callable[[], str]) -> Outcome:
     """Make an attempt here; any exception that it lets through is a crash."""
+    import resource  # which Windows lacks
+
     gc.collect()
     with suppress(OSError):
         # the highest mark of this process begins anew
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    base, children, begun = _peak("VmRSS"), _children(), _worked()
+    base, children, begun = _peak("VmRSS"), resource.getrusage(resource.RUSAGE_CHILDREN), time.process_time()
     try:
         said = attempt()
     except Exception as error:
         last = traceback.extract_tb(error.__traceback__)[-1]
         place = f"{Path(last.filename).name}:{last.lineno}"
         said = f"crash {type(error).__name__} at {place}: {' '.join(str(error).split())[:160]}"
-    worked = _worked() - begun
+    worked, now = time.process_time() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    worked += now.ru_utime + now.ru_stime - children.ru_utime - children.ru_stime
     # children that read files are gone by now; their peak counts where it is a new one
-    grown = _children()
-    taken = max(0.0, _peak("VmHWM") - base) + (grown if grown > children else 0.0)
+    grown = now.ru_maxrss / 1024 if now.ru_maxrss > children.ru_maxrss else 0.0
+    taken = max(0.0, _peak("VmHWM") - base) + grown
     return Outcome(number, name, said, round(worked, 3), round(taken, 1))
 
 
 def _serve(module: str, seed: int, pipe: Connection) -> None:
-    """Answer numbers with outcomes, until the process is ended."""
     os.setsid()
     # what the attempts print is for nobody
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
@@ -133,7 +125,6 @@ def _child(module: str, seed: int) -> Iterator[Callable[[int], Outcome]]:
 
 
 def attempts(module: str, seed: int, count: int) -> Iterator[Outcome]:
-    """Make attacks of a module in children, one after the other."""
     done = 0
     while done < count:
         with _child(module, seed) as ask:
@@ -183,7 +174,6 @@ def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Ou
 
 
 def command(attack, content=lambda number, seed: "") -> None:
-    """Make one attack again, and show what it consists of."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", type=int, required=True)

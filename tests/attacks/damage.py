@@ -55,13 +55,11 @@ def removed(content: bytes, rng: Generator) -> bytes:
 
 
 def zeros(content: bytes, rng: Generator) -> bytes:
-    """A block that the disk lost."""
     place, size = _place(content, rng), int(rng.integers(1, 512))
     return content[:place] + bytes(len(content[place : place + size])) + content[place + size :]
 
 
 def doubled(content: bytes, rng: Generator) -> bytes:
-    """A block that came twice."""
     place, size = _place(content, rng), int(rng.integers(1, 512))
     return content[: place + size] + content[place:]
 
@@ -84,7 +82,6 @@ def extreme_number(content: bytes, rng: Generator) -> bytes:
 
 
 def extreme_digits(content: bytes, rng: Generator) -> bytes:
-    """Where a digit stood stands a long number."""
     places = [place for place, byte in enumerate(content[: 4 * HEAD]) if 48 <= byte < 58]
     if not places:
         return flip_bits(content, rng)
@@ -100,7 +97,6 @@ DAMAGE: tuple[Damage, ...] = (
 
 
 def _flipped(content: bytes, spans: list[tuple[int, int]], rng: Generator) -> bytes:
-    """Flip a bit within one of the spans (start, size)."""
     start, size = pick(rng, spans)
     changed = bytearray(content)
     changed[start + int(rng.integers(size))] ^= 1 << int(rng.integers(0, 8))

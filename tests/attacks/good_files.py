@@ -69,16 +69,7 @@ def _hdf5(parts: dict[str, np.ndarray[Any, Any]]) -> bytes:
     return file.getvalue()
 
 
-def _surface(folder: Path) -> bytes:
-    parts = arrays()
-    surface = ResponseSurface(parts["F"], parts["f"], parts["F"].astype(complex), response=parts["x"])
-    path = folder / "good-surface.h5"
-    save_surface(path, surface)
-    return path.read_bytes()
-
-
 def _groups() -> dict[str, dict[str, np.ndarray[Any, Any]]]:
-    """The table and the history, as recorders keep them: real numbers, in groups."""
     parts = arrays()
     table = {"f": parts["f"], "F": parts["F"], "re": parts["x"].real, "im": parts["x"].imag}
     return {"table": table, "record": {name: parts[name] for name in ("t", "u", "a")}}
@@ -122,7 +113,6 @@ def _recorded(form: str) -> bytes:
 
 
 def good(form: str, folder: Path) -> bytes:
-    """A good file of a format."""
     parts = arrays()
     table = np.column_stack([parts["f"], parts["F"], parts["x"].real, parts["x"].imag])
     file: Any = io.BytesIO()
@@ -144,12 +134,13 @@ def good(form: str, folder: Path) -> bytes:
     elif form == "uff":
         return universal(parts["u"]) + universal(parts["a"])
     else:
-        return _surface(folder)
+        path = folder / "good-surface.h5"
+        save_surface(path, ResponseSurface(parts["F"], parts["f"], parts["F"].astype(complex), parts["x"]))
+        return path.read_bytes()
     return bytes(file.getvalue())
 
 
 def table_plan(path: Path, form: str) -> MeasuredTest:
-    """Read the table of amplitudes of a good file."""
     f, F, x = "f", "F", Channel(complex="x")
     if form == "uff":
         f, F, x = "1/abscissa", "1/ordinate", Channel(amplitude="2/ordinate")
@@ -163,7 +154,6 @@ def table_plan(path: Path, form: str) -> MeasuredTest:
 
 
 def history_plan(path: Path, form: str) -> MeasuredTest:
-    """Read the time history of a good file."""
     named: dict[str, tuple[Any, Any, Any]] = {
         "npy": ("array[:,2]", "array[:,3]", "array[:,1]"), "csv": (2, 3, 1),
         "uff": ("1/ordinate", "2/ordinate", "1/abscissa"),

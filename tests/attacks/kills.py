@@ -10,7 +10,7 @@ import signal
 import time
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 from tests.attacks import program
@@ -23,25 +23,6 @@ FIGURES = (
     "results that lie", "earlier results lost", "orphans", "leftovers after the next run",
     "tracebacks, hangs, wrong exit codes",
 )  # fmt: skip
-
-
-@dataclass
-class Tally:
-    """What was found over all kills, by figure."""
-
-    tried: Counter[str] = field(default_factory=Counter)
-    ended: int = 0  # runs that a signal reached while they ran
-    found: dict[str, list[str]] = field(default_factory=lambda: {figure: [] for figure in FIGURES})
-
-    def rows(self) -> list[Row]:
-        number = sum(self.tried.values())
-        kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(self.tried.items()))
-        made = {FIGURES[0]: f"; {kinds}; {self.ended} reached the run before its end"}
-        head = f"kills of whole runs at random moments, {number}"
-        return [
-            program.failures(f"{head}: {figure}", which, f" of {number}{made.get(figure, '')}")
-            for figure, which in self.found.items()
-        ]
 
 
 def _signal(leader: int, number: signal.Signals, whom: str, out: Path) -> bool:
@@ -66,7 +47,12 @@ def _codes(number: signal.Signals, whom: str) -> tuple[int, ...]:
     return (0, -number) if number == signal.SIGKILL else (0, 130, -number)
 
 
-def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tally) -> None:
+Found = dict[str, list[str]]  # what was found, by figure
+
+
+def kill_once(
+    seed: int, place: Path, seconds: float, earlier: Path, tried: Counter[str], found: Found
+) -> None:
     """Begin a run, of two cases where it is pooled, end it at a random moment, look, run again, look again.
 
     Half of the runs begin where earlier results lie, which must not be lost; a fifth compile their kernels.
@@ -89,9 +75,9 @@ def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tally: Tall
     reached = process.poll() is None and _signal(process.pid, number, whom, out)
     ended = program.end(process)
     what = f"seed {seed}, {number.name}, {whom}, --jobs {jobs}"
-    tally.tried[f"{number.name} {'pooled' if jobs == '2' else 'alone'}"] += 1
-    tally.ended += reached and (ended.code != 0 or whom == "a worker")
-    lying, lost, orphans, left, talk = tally.found.values()
+    tried[f"{number.name} {'pooled' if jobs == '2' else 'alone'}"] += 1
+    tried["reached the run before its end"] += reached and (ended.code != 0 or whom == "a worker")
+    lying, lost, orphans, left, talk = found.values()
     lying += [f"{what}: {name}" for name in program.lies(out)]
     orphans += [what] * bool(ended.orphans)
     # orphans are counted above
@@ -122,10 +108,17 @@ def _undisturbed(place: Path) -> float:
 
 
 def run(count: int, seed: int) -> list[Row]:
-    tally = Tally()
+    tried, found = Counter[str](), {figure: [] for figure in FIGURES}
     with program.temporary() as earlier:
         seconds = _undisturbed(earlier)
         for number in range(count):
             with program.temporary() as place:
-                kill_once(1_000_000 * seed + number, place, seconds, earlier, tally)
-    return tally.rows()
+                kill_once(1_000_000 * seed + number, place, seconds, earlier, tried, found)
+    kinds = "; " + ", ".join(f"{times} {kind}" for kind, times in sorted(tried.items()))
+    return [
+        program.failures(
+            f"kills of whole runs at random moments, {count}: {figure}", which,
+            f" of {count}{kinds if figure == FIGURES[0] else ''}",
+        )
+        for figure, which in found.items()
+    ]  # fmt: skip

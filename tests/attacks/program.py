@@ -23,13 +23,10 @@ ORPHAN_SECONDS = 3.0  # after which a process that a run left is an orphan; one 
 Row = dict[str, str]  # of the table: ``figure``, ``asked``, ``measured``
 
 
-def row(figure: str, asked: str, measured: str) -> Row:
-    return {"figure": figure, "asked": asked, "measured": measured}
-
-
 def failures(figure: str, which: Sequence[str], more: str = "") -> Row:
     """Make a row of what none is asked for, with the first of those that there were."""
-    return row(figure, "0", f"{len(which)}{more}" + (f" ({'; '.join(which[:5])})" if which else ""))
+    shown = f" ({'; '.join(which[:5])})" if which else ""
+    return {"figure": figure, "asked": "0", "measured": f"{len(which)}{more}{shown}"}
 
 
 def write_case(folder: Path, name: str = "small", *, k: float = 5920.0) -> Path:

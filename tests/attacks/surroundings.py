@@ -29,7 +29,6 @@ class Line:
 
     text: str  # ``{place}`` is the folder in which it runs
     codes: tuple[int, ...] = DONE  # exit codes that are right
-    spoken: bool = True  # somebody can read standard error
     changes: Mapping[str, str | None] = field(default_factory=dict)  # variables; None: not set
     mounts: str = ""  # what is mounted before, for this line alone
 
@@ -45,12 +44,9 @@ STREAMS = {
     "reader that leaves": Line("set -o pipefail; rsgen laws | head -1"),
     "reader that leaves a run": Line(f"set -o pipefail; {ONE} | true && test -d out/small"),
     "full output": Line(f"{ONE} > /dev/full", REFUSED),
-    "full errors": Line("rsgen run absent.toml 2> /dev/full", REFUSED, spoken=False),
-    "full outputs": Line("rsgen laws > /dev/full 2> /dev/full", REFUSED, spoken=False),
     # the next file that is opened would take its number
     "closed output": Line(f"{POOL} >&-"),
     "closed errors": Line(f"{ONE} 2>&-"),
-    "closed errors with a fault": Line("rsgen run absent.toml 2>&-", REFUSED, spoken=False),
     "closed streams": Line("rsgen run *.toml --out out --jobs 2 <&- >&- 2>&-"),
 }
 NAMES = {
@@ -140,10 +136,10 @@ MOUNTED = {
 }  # fmt: skip
 
 
-def judge(place: Path, ended: Ended, *codes: int, spoken: bool = True) -> str:
-    """Say what is wrong with an end and with what it left; ``spoken``: somebody could read standard error."""
+def judge(place: Path, ended: Ended, *codes: int) -> str:
+    """Say what is wrong with an end and with what it left."""
     fault = ended.fault(*codes)
-    if not fault and ended.code == 2 and spoken and not ended.err.strip():
+    if not fault and ended.code == 2 and not ended.err.strip():
         fault = "code 2 without a word"
     if not fault and ended.err.count("\n") > 3:
         fault = f"more than a sentence: {ended.err[:400]}"
@@ -165,7 +161,7 @@ def attack(place: Path, line: Line) -> str:
         text = f"{line.mounts}\nset +e; {text}; code=$?; {seen}; exit $code"
         command = [*namespace(), "bash", "-ec", begin + text]
     ended = end(start((), command=command, cwd=place, env=environment(place, **changes)))
-    return judge(place, ended, *line.codes, spoken=line.spoken)
+    return judge(place, ended, *line.codes)
 
 
 def _begun(place: Path, jobs: str) -> object:

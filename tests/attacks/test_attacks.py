@@ -9,7 +9,7 @@ from tests.attacks import __main__ as table
 from tests.attacks.program import reached
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and mounts are POSIX")
-FEW = {"kills": 12, "cache": 6, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24}
+FEW = {"kills": 12, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24}
 
 
 @pytest.mark.thorough

@@ -29,7 +29,6 @@ def _leaf(rng: Generator) -> str:
 
 
 def _grow(rng: Generator, depth: int) -> str:
-    """An expression of the language, as deep as asked at most."""
     if depth <= 0 or rng.random() < 0.12:
         return _leaf(rng)
     kind = rng.random()
@@ -168,7 +167,6 @@ def quotients(rng: Generator) -> str:
 
 
 def no_language(rng: Generator) -> str:
-    """Look-alikes, thousands of parentheses, control characters, words of Python, very long texts."""
     kinds = (
         "(" * _many(rng, 5000) + "x" + ")" * _many(rng, 5000), "-" * _many(rng, 4000) + "x",
         "k*\u0445 + c*v", "k\u2217x", "\uff4b*x", "k*x\u200b", "\u202ek*x", "x" * 10**6, "9" * 10**6,

@@ -58,7 +58,6 @@ def words_and_numbers(folder: Path, rng: Generator) -> bytes:
 
 
 def titles(folder: Path, rng: Generator) -> bytes:
-    """Titles whose units are no units, or powers without end."""
     units = (b"m^999999999", b"m" * 50_000, b"(" * 9000, b"1/" * 5000 + b"s", b"kg**-1e9", b"10^400 m",
              b"\xff\xfe m")  # fmt: skip
     return b"f [Hz],F [N],x [" + pick(rng, units) + b"],y\n" + b"8.5,1,1e-3,1e-4\n" * 30
@@ -149,7 +148,6 @@ def archive(folder: Path, rng: Generator) -> bytes:
 
 
 def matlab(folder: Path, rng: Generator) -> bytes:
-    """Bombs, deep structs, long names, cells by the thousand, text, sparse and empty arrays."""
     deep: Any = np.ones(3)
     for _ in range(power_of_ten(rng, 0.5, 2)):
         deep = {"s": deep}
@@ -187,7 +185,6 @@ def matlab_element(folder: Path, rng: Generator) -> bytes:
 
 
 def universal_counts(folder: Path, rng: Generator) -> bytes:
-    """Counts, kinds and steps that do not fit the numbers, and an end that is missing."""
     numbers = arrays()["u"][:60]
     keys: dict[str, Any] = {}
     for key, values in {
@@ -204,7 +201,6 @@ def universal_counts(folder: Path, rng: Generator) -> bytes:
 
 
 def universal_binary(folder: Path, rng: Generator) -> bytes:
-    """Binary data sets whose sizes are not those of the bytes behind."""
     count = int(rng.choice([0, 3, 4, 10**6, 10**9]))
     size = int(rng.choice([0, 12, 24, 10**9, 10**15]))
     head = universal(np.empty(0), count=count, kind=int(rng.choice([2, 4, 6]))).split(b"\n")[2:13]

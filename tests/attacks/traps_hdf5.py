@@ -61,15 +61,20 @@ def _outside(folder: Path) -> tuple[Path, list[tuple[str, int, int]]]:
     return outside, [(str(folder / "outside.bin"), 0, 320)]
 
 
-def hdf5_outside(folder: Path, rng: Generator) -> bytes:
+def outside_ways(folder: Path, name: str = "f") -> dict[str, Callable[[h5py.File], object]]:
+    """Return the ways in which an array of this name may lead to a secret in another file."""
     outside, place = _outside(folder)
-    ways: list[Callable[[h5py.File], object]] = [
-        lambda file: file.update({"f": h5py.ExternalLink(str(outside), "f")}),
-        lambda file: _virtual(file, "f", outside),
-        lambda file: file.create_dataset("f", shape=(40,), dtype="f8", external=place),
-        lambda file: file.update({"f": h5py.SoftLink(str(outside))}),
-    ]
-    way, others = pick(rng, ways), dict.fromkeys(("F", "x", "t", "u", "a"), np.ones(40))
+    return {
+        "external": lambda file: file.update({name: h5py.ExternalLink(str(outside), "f")}),
+        "virtual": lambda file: _virtual(file, name, outside),
+        "raw": lambda file: file.create_dataset(name, shape=(40,), dtype="f8", external=place),
+        "soft": lambda file: file.update({name: h5py.SoftLink(str(outside))}),
+    }
+
+
+def hdf5_outside(folder: Path, rng: Generator) -> bytes:
+    others = dict.fromkeys(("F", "x", "t", "u", "a"), np.ones(40))
+    way = pick(rng, [*outside_ways(folder).values()])
     return _made(lambda file: (file.update(others), way(file)))
 
 
@@ -111,7 +116,6 @@ def surface(folder: Path, rng: Generator) -> bytes:
     content = io.BytesIO(good("surface", folder))
     names = [*COLUMN_UNITS, "findings"]
     name, size = pick(rng, names), power_of_ten(rng, 3, 12)
-    outside, place = _outside(folder)
     values: list[Any] = [
         np.full(40, np.nan), np.full(40, 1e308), np.zeros((40, 3)), np.ones(39), ["a"] * 40,
         *map(np.bytes_, TEXTS),
@@ -121,8 +125,7 @@ def surface(folder: Path, rng: Generator) -> bytes:
         lambda file: file.create_dataset(name, shape=(size,), dtype="f8", chunks=(1000,)),
         lambda file: file.create_dataset(name, shape=(size,), dtype="f8"),
         lambda file: file.create_dataset(name, data=np.zeros(10**6), compression="gzip"),
-        lambda file: file.create_dataset(name, shape=(40,), dtype="f8", external=place),
-        lambda file: _virtual(file, name, outside),
+        *outside_ways(folder, name).values(),
         lambda file: file.create_dataset(name, data=value),
         lambda file: file.update({name: h5py.SoftLink("/" + name)}),
         lambda file: file.attrs.__setitem__("origin", pick(rng, origin)),

@@ -11,6 +11,7 @@ from tests.attacks.good_files import good, power_of_ten
 
 _SIZES = (0, 1, 2, 2**15, 2**16 - 1, 2**31 - 1, 2**32 - 1)
 _SHEET = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>'
+CELL = b'<row r="%d"><c r="%s"><v>1</v></c></row>'
 
 
 def labview(folder: Path, rng: Generator) -> bytes:
@@ -59,14 +60,20 @@ def tdms(folder: Path, rng: Generator) -> bytes:
 def workbook(folder: Path, rng: Generator) -> bytes:
     """Sheets of blanks, of far cells, of rows and texts by the hundred thousand, of entities, or cut off."""
     kind, count = int(rng.integers(7)), power_of_ten(rng, 3, 5.5)
-    cell = b'<row r="%d"><c r="%s"><v>1</v></c></row>'
     body = [
-        b" " * power_of_ten(rng, 6, 8), cell % (int(rng.choice([10**5, 2**20, 10**15])), b"A1"),
-        b"".join(cell % (n, b"XFD%d" % n) for n in range(1, min(count, 20_000))),
-        b"".join(cell % (n, b"A%d" % n) for n in range(1, count)),
+        b" " * power_of_ten(rng, 6, 8), CELL % (int(rng.choice([10**5, 2**20, 10**15])), b"A1"),
+        b"".join(CELL % (n, b"XFD%d" % n) for n in range(1, min(count, 20_000))),
+        b"".join(CELL % (n, b"A%d" % n) for n in range(1, count)),
         b"<row><c><v>" + b"7" * count + b"</v></c></row>", b"<row>" * min(count, 50_000),
         b'<row r="-1"><c r="1A" t="s"><v>99999</v></c><c t="b"><v>x</v></c><c t="d"><v>?</v></c></row>',
     ][kind]  # fmt: skip
+    return with_sheet(folder, body)
+
+
+def with_sheet(
+    folder: Path, body: bytes, before: bytes = b"", end: bytes = b"</sheetData></worksheet>"
+) -> bytes:
+    """Put rows, as XML, in place of those of the first sheet of a good workbook."""
     changed = io.BytesIO()
     with (
         zipfile.ZipFile(io.BytesIO(good("xlsx", folder))) as old,
@@ -74,5 +81,5 @@ def workbook(folder: Path, rng: Generator) -> bytes:
     ):
         for name in old.namelist():
             sheet = name.endswith("sheet1.xml")
-            new.writestr(name, _SHEET + body + b"</sheetData></worksheet>" if sheet else old.read(name))
+            new.writestr(name, before + _SHEET + body + end if sheet else old.read(name))
     return changed.getvalue()

@@ -6,7 +6,6 @@ import stat
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
 
@@ -102,74 +101,58 @@ def test_a_damaged_kernel_is_compiled_again(own_cache, compiled_once, monkeypatc
     assert sorted(path.name for path in own_cache.iterdir()) == [entry_of(own_cache).name]
 
 
-@dataclass(frozen=True)
-class Planted:
-    """Machine code of another law, for the entry of this one."""
-
-    cache: Path
-    content: bytes
-
-    @property
-    def entry(self) -> Path:
-        return entry_of(self.cache)
-
-    def written(self, name: str = "") -> None:
-        """Write it, with its digest, into a folder that is the user's."""
-        with compiled.open_private_folder(self.cache) as folder:
-            folder.write(name or self.entry.name, self.content)
-
-    def forged(self, mode: int = 0o700) -> None:
-        """Write it as somebody does who can write into the folder, whose mode is changed."""
-        self.cache.chmod(mode)
-        owner = self.cache.stat().st_uid
-        with patch.object(compiled, "_OTHERS_WRITE", 0), patch.object(os, "geteuid", lambda: owner):
-            self.written()
+def _plant(cache: Path, content: bytes, mode: int = 0o700, name: str = "") -> None:
+    """Write code with its digest, as somebody does who can write into the folder, whose mode is changed."""
+    cache.chmod(mode)
+    owner = cache.stat().st_uid
+    with (
+        patch.object(compiled, "_OTHERS_WRITE", 0),
+        patch.object(os, "geteuid", lambda: owner),
+        compiled.open_private_folder(cache) as folder,
+    ):
+        folder.write(name or entry_of(cache).name, content)
 
 
-def _moved(planted: Planted) -> None:
-    entry = planted.entry
-    planted.written("another")
-    (planted.cache / "another").replace(entry)
+def _move(cache: Path, content: bytes) -> None:
+    """A true entry, with a true digest, gets the name of another kernel."""
+    entry = entry_of(cache)
+    _plant(cache, content, name="another")
+    (cache / "another").replace(entry)
 
 
-def _linked(planted: Planted) -> None:
-    planted.forged()
-    planted.cache.rename(planted.cache.with_name("real"))
-    planted.cache.symlink_to(planted.cache.with_name("real"))
+def _link(cache: Path, content: bytes) -> None:
+    _plant(cache, content)
+    cache.symlink_to(cache.rename(cache.with_name("real")))
 
 
-def _given_away(planted: Planted, *paths: Path) -> None:
-    planted.forged()
-    for path in (planted.entry, *paths):
+def _give_away(cache: Path, content: bytes, *paths: Path) -> None:
+    if os.geteuid() != 0:
+        pytest.skip("the administrator alone gives files away")
+    _plant(cache, content)
+    for path in (entry_of(cache), *paths):
         os.chown(path, 12345, 12345)
 
 
-WAYS: dict[str, Callable[[Planted], object]] = {
-    "digest of the true code in front": lambda planted: planted.entry.write_bytes(
-        planted.entry.read_bytes()[:32] + planted.content
+WAYS: dict[str, Callable[[Path, bytes], object]] = {
+    "digest of the true code in front": lambda cache, content: entry_of(cache).write_bytes(
+        entry_of(cache).read_bytes()[:32] + content
     ),
-    "entry of another kernel": _moved, "folder that all can write": lambda planted: planted.forged(0o777),
-    "folder that a group can write": lambda planted: planted.forged(0o770),
-    "folder as /tmp is": lambda planted: planted.forged(0o1777), "link to a folder": _linked,
+    "entry of another kernel": _move, "folder that all can write": lambda *to: _plant(*to, 0o777),
+    "folder that a group can write": lambda *to: _plant(*to, 0o770),
+    "folder as /tmp is": lambda *to: _plant(*to, 0o1777), "link to a folder": _link,
+    "folder of another user": lambda *to: _give_away(*to, to[0]), "entry of another user": _give_away,
 }  # fmt: skip
-WAYS_OF_ROOT: dict[str, Callable[[Planted], object]] = {
-    "folder of another user": lambda planted: _given_away(planted, planted.cache),
-    "entry of another user": _given_away,
-}
-"""Files can be given away by the administrator alone; for others these are not tried."""
 
 
-@pytest.mark.parametrize("way", [*WAYS, *WAYS_OF_ROOT])
+@pytest.mark.parametrize("way", WAYS)
 def test_a_planted_kernel_is_never_loaded(own_cache, compiled_once, monkeypatch, way):
-    if way in WAYS_OF_ROOT and os.geteuid() != 0:
-        pytest.skip("the administrator alone gives files away")
     source, code = compiled_once
     loaded: list[bytes] = []
     monkeypatch.setattr(compiled, "compile_source", lambda *given: code)
     load = compiled.load_object
     monkeypatch.setattr(compiled, "load_object", lambda *given: loaded.append(given[0]) or load(*given))
     expected = _one_step_further(source)
-    (WAYS | WAYS_OF_ROOT)[way](Planted(own_cache, code[1].encode() + b"\0planted"))
+    WAYS[way](own_cache, code[1].encode() + b"\0planted")
     loaded.clear()
     assert np.array_equal(_one_step_further(source), expected)
     assert loaded == [code[0]]
