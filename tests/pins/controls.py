@@ -47,7 +47,6 @@ def simulated(mode: str, law: str = "hardening") -> ResponseSurface:
 
 
 def identified(mode: str, mass: float | None = None, law: str = "hardening") -> Tree:
-    """The law identified from one per cent of noise on that test."""
     force = LAW if law == "hardening" else LAWS[law][0]
     found = rsgen.identify(noisy(simulated(mode, law), NOISE, 1), force, mass=mass)
     levels = {"levels": series(found.levels, entries=1), "level_unit": found.curve.level_unit}

@@ -19,7 +19,6 @@ OCTAVES = SweepLaw("logarithmic", 9.0, 0.008)
 LAW = "k*x + kn*x**3 + c*v"
 CUBIC = rsgen.Oscillator(MASS, LAW, {"k": STIFFNESS, "kn": -2e6, "c": 3.8})
 
-
 INTEGRATED = replace(SMOOTH, value=1e-8)
 """Of records that are integrated by steps which round-off chooses: processors differ by 2e-9 of the root mean
 square."""
@@ -31,7 +30,6 @@ def swept(law: SweepLaw, stop: float, level: float = 1.0) -> TimeHistory:
 
 
 def noisy(history: TimeHistory) -> TimeHistory:
-    """A thousandth of white noise on force and response."""
     return replace(spoilt(history, 1e-3, np.random.default_rng(7)), level=history.level)
 
 

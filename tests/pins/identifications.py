@@ -106,7 +106,6 @@ OFTEN = 20
 
 
 def numbers(identified: Callable[[], rsgen.Identification]) -> Tree:
-    """Values with standard errors of every stage, and noise."""
     found = identified()
     stages = ("refined", "first_order", "paper")
     return {"noise": found.noise} | {each: trees.plain_estimates(getattr(found, each)) for each in stages}

@@ -96,7 +96,6 @@ def _background() -> Tree:
 
 
 def pin(compute: Callable[..., Tree], name: str, *about: Any) -> Pin:
-    """Return the pin of a joint; identifications of some take long."""
     thorough = name in ("bouc-wen", "iwan4") and compute in (identified, measured)
     slow = compute is balance and name == "bouc-wen"
     allowed = STEPPED if compute in (balance, loops) else SWITCHED

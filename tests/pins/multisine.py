@@ -30,7 +30,6 @@ def virtual(name: str, noise: float = 0.0, lines: str = "odd") -> rsgen.Multisin
 
 
 def tree_of_spectra(read: rsgen.MultisineSpectra) -> Tree:
-    """Lines, noise and what is derived from them."""
     force_noise, response_noise = read.noise()
     return {
         **parts(read, "omega0 periods mean_known", "exact"), **parts(read, "", "level", entries=1),
@@ -45,7 +44,6 @@ def tree_of_spectra(read: rsgen.MultisineSpectra) -> Tree:
 
 
 def tree_of_linear(one: BestLinear) -> Tree:
-    """Receptance, noise, distortion, and the mode of one level."""
     scale = float(one.response.max())
     unexcited = {
         name: parts(part, "", "response noise", scale, 1)
@@ -70,7 +68,6 @@ def linear(read: rsgen.MultisineSpectra, band: tuple[float, float] | None = None
 def identified(
     read: rsgen.MultisineSpectra, law: object, *about: rsgen.Observation, mass: float | None = None
 ):
-    """Values with intervals, verdict, the lines that took part and what is left there."""
     found = rsgen.identify(read, law, *about, mass=mass)  # type: ignore[arg-type]
     assert isinstance(found, MultisineIdentification)
     scale = float(np.abs(read.mean_force).max())
@@ -83,7 +80,6 @@ def identified(
 
 
 def intervals(read: rsgen.MultisineSpectra, law: object, mass: float | None = None) -> Tree:
-    """Values with both ends of their intervals and their units."""
     return trees.estimates(rsgen.identify(read, law, mass=mass), whole=True)  # type: ignore[arg-type]
 
 

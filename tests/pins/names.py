@@ -54,7 +54,6 @@ CLASSES: tuple[type, ...] = (
 
 
 def attributes(kind: type) -> Tree:
-    """Public attributes and methods of a class; columns that it makes up are added."""
     names = {name for name in dir(kind) if not name.startswith("_")}
     if is_dataclass(kind):
         names |= {each.name for each in fields(kind) if not each.name.startswith("_")}
@@ -64,7 +63,6 @@ def attributes(kind: type) -> Tree:
 
 
 def surface_names(table: rsgen.ResponseSurface) -> Tree:
-    """Arrays with their units and kinds, and attributes, of the file of a surface."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "surface.h5"
         rsgen.save_surface(path, table)
@@ -86,7 +84,6 @@ def paths_of(tree: object, path: str = "") -> Iterator[str]:
 
 @cache
 def report_files(kind: str) -> dict[str, bytes]:
-    """What a report of that kind leaves in its folder."""
     with tempfile.TemporaryDirectory() as folder:
         surface, found, case = REPORTS[kind]()
         rsgen.write_report(folder, surface, found, case=case)
@@ -94,7 +91,6 @@ def report_files(kind: str) -> dict[str, bytes]:
 
 
 def result_names(kind: str) -> Tree:
-    """Files of a report, and the paths of the keys of its result.json."""
     files = report_files(kind)
     return {"files": list(files), "names": sorted(set(paths_of(json.loads(files["result.json"]))))}
 
@@ -108,14 +104,12 @@ Parts = tuple[rsgen.ResponseSurface | rsgen.MultisineSpectra, rsgen.Identificati
 
 
 def _sine() -> Parts:
-    """A test with a law from a ranking, a background and a held-out level."""
     table = small("cubic", NOISE)
     about = rsgen.Observation(hold_out=(6.0,), background="phase")
     return table, rsgen.rank(table, library(*FEW), about).best, None
 
 
 def _joint() -> Parts:
-    """A case of a joint with its truth and accepted errors, on a grid of a few points."""
     case = rsgen.load_case(ROOT / "cases" / "jenkins.toml")
     assert isinstance(case.test, rsgen.SimulatedTest)
     test = replace(case.test, level=np.array([3.0, 6.0, 10.0]), frequency=np.linspace(8.6, 13.0, 15))

@@ -30,7 +30,6 @@ QUIET = 1e-3
 
 @cache
 def beside(kind: str, law: str = "cubic", noise: float = NOISE) -> ResponseSurface:
-    """A small test whose sensor sees that background."""
     table = small(law)
     main = kind.removesuffix(OFFSET)
     rank = BACKGROUNDS.index(main)
@@ -49,12 +48,10 @@ def beside(kind: str, law: str = "cubic", noise: float = NOISE) -> ResponseSurfa
 
 
 def of(law: str, table: ResponseSurface, **declared: Any) -> Tree:
-    """A law of ``tests.surfaces`` from a table of which something is declared."""
     return trees.fitted(table, LAWS[law][0], rsgen.Observation(**declared))
 
 
 def of_kind(kind: str, law: str = "cubic", noise: float = NOISE) -> Tree:
-    """The law identified beside a background."""
     return of(law, beside(kind, law, noise), background=kind)
 
 
@@ -66,7 +63,6 @@ def whole(law: str, mass: float | None = None) -> Tree:
 
 
 def without_phase(law: str, kind: str = "none") -> Tree:
-    """The law identified from amplitudes of force and response."""
     return of(law, surfaces.without_phase(beside(kind, law)), background=kind)
 
 

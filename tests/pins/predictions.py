@@ -55,7 +55,6 @@ def of_oscillator(name: str, levels: list[float], band: tuple[float, float] | No
 def of_test(
     table: rsgen.ResponseSurface, law: Any, held: float, mass: float | None = None, levels: Any = None
 ):
-    """What is predicted of a level that was held out, or of levels."""
     found = rsgen.identify(table, law, rsgen.Observation(hold_out=(held,)), mass=mass)
     return tree(rsgen.predict(found, levels, table))
 

@@ -79,7 +79,6 @@ def surface(table: rsgen.ResponseSurface) -> Tree:
 
 
 def estimate(one: Estimate, *, whole: bool = False) -> Tree:
-    """Value and standard error, why it is not identifiable; and the ends of the interval and the unit."""
     return {
         "value": one.value,
         "standard_error": one.standard_error,
@@ -114,7 +113,6 @@ def identification(found: rsgen.Identification) -> Tree:
 
 
 def fitted(table: Any, law: Any, *about: rsgen.Observation, mass: float | None = None) -> Tree:
-    """What is identified of a law from a test."""
     return identification(rsgen.identify(table, law, *about, mass=mass))
 
 
