@@ -45,15 +45,6 @@ def test_one_level_of_a_shaker_without_control_is_no_several_levels():
     assert [one.names["one"] for one in level_findings(several)] == ["yes"]
 
 
-@pytest.mark.parametrize("factor", [0.5, 1.7])
-def test_one_level_of_another_force_than_the_others_say_is_doubted(factor):
-    surface = cubic_surface(levels=4, frequencies=31)
-    level = np.where(surface.level == surface.levels[2], factor * surface.level, surface.level)
-    (found,) = level_findings(replace(surface, level=level))
-    assert (found.code, found.severity) == ("levels-disagree", "doubt")
-    assert found["level"] == factor * found["force"]
-
-
 def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
     surface = cubic_surface(levels=3, frequencies=31)
     response = surface.harmonics[:, 1].copy()

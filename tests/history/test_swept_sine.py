@@ -236,6 +236,13 @@ def test_a_correction_that_is_in_doubt_doubts_the_result(pace, wrong, severity, 
     assert fast["pace"] == pytest.approx(pace / 0.1**2, rel=0.05) if pace < 1 else 1 < fast["pace"] < 200
 
 
+def test_a_correction_as_large_as_the_force_is_no_calm_note() -> None:
+    history = jumping(-2e6, 2.0, SweepLaw("linear", 9.0, 0.04), 11.5)
+    fast = only(from_swept_sine(history, mass=0.63 * MASS), "sweep-rate")
+    assert fast["correction"] > 1
+    assert (fast.severity, fast.names["doubt"]) == ("warning", "size")
+
+
 @pytest.mark.usefixtures("read_here")
 def test_the_correction_takes_the_mass_of_the_sweeps_where_the_given_one_has_another_unit() -> None:
     test = load_case("cases/formats/mat-sweep.toml").test

@@ -186,7 +186,8 @@ def test_a_draft_leaves_open_what_it_does_not_know_and_reads_levels_from_names(t
         write_columns(tmp_path / name, head, FREQUENCY, 0.0225 * level, level * size, lag)
     # what a shell makes of --from *.csv; a name that is no file is said
     files = [tmp_path / name for name in levels]
-    assert "and no files: 'none.csv', " in run_cli("init", "--from", *files, "none.csv", "new.toml").err
+    absent = run_cli("init", "--from", *files, "none.csv", tmp_path / "new.toml")
+    assert "and no files: 'none.csv', " in absent.err
     case = begun(*files)
     text = case.read_text("utf-8")
     assert 'unit      = "V"\nfactor    = "?" ' in text

@@ -18,7 +18,7 @@ from tests.pins import pinned, trees
 from tests.pins.grids import FREQUENCIES, LEVELS, NOISE, small, small_joint
 from tests.pins.multisine import virtual
 from tests.pins.pinned import SMOOTH, SWITCHED, Pin, Tree
-from tests.surfaces import MASS, changed, noisy, without_phase
+from tests.surfaces import MASS, beside, changed, noisy, without_phase
 
 FORMULAS = ["k*x + c*v", "k*x + k3*x**3 + c*v", "k*x + c*v + Ff*sign(v)"]
 UNFIT = replace(SMOOTH, value=1e-6)
@@ -54,12 +54,13 @@ def ranked(table: rsgen.ResponseSurface, laws: Any, *about: rsgen.Observation, m
     return tree(rsgen.rank(table, laws, *about, mass=mass))
 
 
+def cubic() -> rsgen.ResponseSurface:
+    return small("cubic", NOISE)
+
+
 def _background() -> Tree:
-    table = small("cubic", NOISE)
     # what the sensor sees of the other modes, 2 % of the largest response
-    harmonics = np.array(table.harmonics)
-    harmonics[:, 1] += (1e-4 - 5e-5j) * table.force
-    seen = changed(table, harmonics=harmonics)
+    seen = beside(cubic(), (1e-4 - 5e-5j) * cubic().force)
     return ranked(seen, FORMULAS, rsgen.Observation(background="constant"))
 
 
@@ -77,21 +78,17 @@ def _joints() -> Tree:
 
 
 PINS = {
-    "one-sensor/cubic": Pin(lambda: ranked(small("cubic", NOISE), library(*FEW))),
-    "one-sensor/best-identified": Pin(
-        lambda: trees.identification(rsgen.rank(small("cubic", NOISE), library(*FEW)).best)
-    ),
+    "one-sensor/cubic": Pin(lambda: ranked(cubic(), library(*FEW))),
+    "one-sensor/best-identified": Pin(lambda: trees.identification(rsgen.rank(cubic(), library(*FEW)).best)),
     # a model would compete with the whole library
     "one-sensor/formula-beside-library": Pin(
-        lambda: ranked(small("cubic", NOISE), ["k*x + kn*x**3 + c*v", *library("coulomb")])
+        lambda: ranked(cubic(), ["k*x + kn*x**3 + c*v", *library("coulomb")])
     ),
     "one-sensor/library-without-loops": Pin(lambda: ranked(small("combined", NOISE), library()), slow=True),
     "one-sensor/given-mass": Pin(lambda: ranked(small("quintic", NOISE), library(*FEW), mass=MASS)),
-    "one-sensor/held-out": Pin(
-        lambda: ranked(small("cubic", NOISE), FORMULAS, rsgen.Observation(hold_out=(6.0,)))
-    ),
+    "one-sensor/held-out": Pin(lambda: ranked(cubic(), FORMULAS, rsgen.Observation(hold_out=(6.0,)))),
     "one-sensor/background": Pin(_background),
-    "one-sensor/amplitudes-only": Pin(lambda: ranked(without_phase(small("cubic", NOISE)), FORMULAS)),
+    "one-sensor/amplitudes-only": Pin(lambda: ranked(without_phase(cubic()), FORMULAS)),
     "one-sensor/coulomb": Pin(lambda: ranked(small("coulomb", NOISE), library(*FEW)), SWITCHED, slow=True),
     "one-sensor/gap": Pin(
         lambda: ranked(small("piecewise", NOISE), library("dead-zone", "cubic-spring", "coulomb")), SWITCHED
