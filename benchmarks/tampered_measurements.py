@@ -11,8 +11,8 @@ import numpy as np
 from scipy.io import loadmat
 
 import rsgen
-from tests.verdict.laboratory import Laboratory
-from tests.verdict.tampering import (
+from benchmarks.laboratory import Laboratory
+from benchmarks.tampering import (
     BACKGROUND,
     LEVELS,
     MISFIT,

@@ -26,17 +26,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import rsgen
-from benchmarks import campaign
+from benchmarks import campaign, laboratory
 from benchmarks import tampered_measurements as measured
 from benchmarks.cramer_rao import Background
+from benchmarks.laboratory import Outcome
+from benchmarks.tampering import MATTERING, OTHER_WRONG, TAMPERINGS, UNSEEN, UNSEEN_OF, Tampering
 from rsgen.common.output import write_atomic
 from rsgen.data.oscillator import BACKGROUNDS, Model, Observation
 from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.element import as_elements
 from tests.oracles.memory import bouc_wen, two_masses
-from tests.verdict import laboratory
-from tests.verdict.laboratory import Outcome
-from tests.verdict.tampering import MATTERING, OTHER_WRONG, TAMPERINGS, UNSEEN, UNSEEN_OF, Tampering
 
 ROOT = Path(__file__).parent.parent
 PARTS = ("tampered", "untampered", "pairs", "random")

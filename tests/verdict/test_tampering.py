@@ -8,10 +8,10 @@ import pytest
 
 import rsgen
 from benchmarks import campaign
+from benchmarks.laboratory import judge, stepped
 from benchmarks.tampered_measurements import OF_CASE
+from benchmarks.tampering import TAMPERINGS, UNSEEN
 from rsgen.report.sentences import CODES
-from tests.verdict.laboratory import judge, stepped
-from tests.verdict.tampering import TAMPERINGS, UNSEEN
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.verdict.laboratory import EVERY, Laboratory, Record, load, recorded, stepped
+from benchmarks.laboratory import EVERY, Laboratory, Record, load, recorded, stepped
 
 SENSE = frozenset(
     {

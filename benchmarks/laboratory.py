@@ -20,7 +20,7 @@ from rsgen.dynamics.virtual_test import add_noise
 from tests.case_files import MEASURED, Changes, law, write_small
 from tests.oracles.swept import driven
 
-CASES = Path(__file__).parents[2] / "cases"
+CASES = Path(__file__).parents[1] / "cases"
 NAMES = ("bilinear", "combined", "coulomb", "cubic", "cubic-hardening", "joint", "piecewise", "quintic")
 NOISE = 0.003
 EVERY = 3
