@@ -21,9 +21,7 @@ TABLE = (
     ("k7*x**7", "35/64*k7*X**6", "0", GELB, True),
     ("kp*abs(x)**p*sign(x)", "2*kp*X**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))", "0", GELB, True),
     ("kp*x*abs(x)**p", "2*kp*X**p*gamma(p/2 + 3/2)/(sqrt(pi)*gamma(p/2 + 2))", "0", GELB, True),
-    ("k2*x*abs(x)", "8*k2*X/(3*pi)", "0", GELB, True),
     ("c*v + Ff*sign(v)", "0", "c + 4*Ff/(pi*omega*X)", LIU + " Eq. (18)", True),
-    ("c3*v**3", "0", "3/4*c3*omega**2*X**2", WORDEN, True),
     (
         "cp*abs(v)**p*sign(v)", "0", "2*cp*(omega*X)**(p - 1)*gamma(p/2 + 1)/(sqrt(pi)*gamma(p/2 + 3/2))",
         WORDEN, True,
@@ -42,11 +40,8 @@ TABLE = (
     ("k*sin(a*x)", "2*k*besselj(1, a*X)/X", "0", "Nayfeh and Mook", True),
     ("k*sinh(a*x)", "2*k*besseli(1, a*X)/X", "0", OWN, True),
     ("k*x*cos(a*x)", "k*(besselj(0, a*X) - besselj(2, a*X))", "0", OWN, True),
-    ("k*x*abs(x/b)**p", "2*k*(X/b)**p*gamma(p/2 + 3/2)/(sqrt(pi)*gamma(p/2 + 2))", "0", GELB, True),
-    ("c*sinh(v/w)", "0", "2*c*besseli(1, omega*X/w)/(omega*X)", OWN, True),
     ("mu*abs(x)*sign(v)", "0", "2*mu/(pi*omega)", OWN, True),
-    ("c*v*abs(x)", "0", "4*c*X/(3*pi)", OWN, True), ("k*x*abs(v)", "4*k*omega*X/(3*pi)", "0", OWN, True),
-    ("k*x*v**2", "k*omega**2*X**2/4", "0", OWN, True), ("c*x**4*v", "0", "c*X**4/8", OWN, True),
+    ("c*v*abs(x)", "0", "4*c*X/(3*pi)", OWN, True), ("k*x*v**2", "k*omega**2*X**2/4", "0", OWN, True),
     (
         "F*(sign(v - w) + sign(v + w))/2", "0",
         "Piecewise((0, omega*X <= w), (4*F/(pi*omega*X)*sqrt(1 - (w/(omega*X))**2), True))", OWN, True,
@@ -122,8 +117,7 @@ def test_element_takes_names_of_parameters():
 @pytest.mark.parametrize(("name", "x", "v", "wanted"), [
     ("dead-zone", 0.9, 0, 0), ("dead-zone", -1.5, 0, -0.5), ("one-sided-stop", 1.5, 0, 2.0),
     ("one-sided-stop", -1.5, 0, -1.5), ("two-sided-stop", -2.5, 0, -3.0), ("two-sided-stop", 1.5, 0, 2.0),
-    ("piecewise-spring", 0.5, 0, 0.5), ("piecewise-spring", -2, 0, -4.0), ("bilinear-spring", 2, 0, 2.0),
-    ("bilinear-spring", -2, 0, -4.0), ("saturation", 0.5, 0, 0.5), ("saturation", -7, 0, -1.0),
+    ("piecewise-spring", -2, 0, -4.0), ("bilinear-spring", -2, 0, -4.0), ("saturation", -7, 0, -1.0),
     ("preload", -2, 0, -3.0), ("stribeck", 0, -50, -1.0), ("stribeck", 0, 1e-9, 2.0),
     ("stribeck-gauss", 0, 9, 1.0), ("tanh-joint", 50, 0, 16.0), ("van-der-pol", 2, 3, 9.0),
     ("van-der-pol", 0, 3, -3.0), ("quadratic-damper", 0, -3, -9.0), ("hertz-contact", -4, 0, -8.0),

@@ -145,8 +145,7 @@ def test_a_mirror_image_exchanges_pairs_of_parameters_or_their_signs(law, images
 
 
 @pytest.mark.parametrize(("law", "exchanged"), [
-    ("Max(x - a, 0) + Min(x + b, 0)", True), ("a*Max(x, 0) + b*Min(x, 0)", True),
-    ("a*x + b*x**3", False), ("a*Max(x, 0) + b*x", False), ("k*x + (a - b)*x**2", True),
+    ("Max(x - a, 0) + Min(x + b, 0)", True), ("a*Max(x, 0) + b*x", False), ("k*x + (a - b)*x**2", True),
 ])  # fmt: skip
 def test_two_parameters_that_the_mirror_image_exchanges_are_recognised(law, exchanged):
     assert mirror_exchanges(make_element("all", law).force, symbol("a"), symbol("b")) == exchanged
@@ -282,7 +281,6 @@ def test_a_constant_mean_that_the_law_explains_is_no_offset(law, values):
 
 @pytest.mark.parametrize(("term", "values"), [
     ("k2*x**2", {"k2": 1.5e4}),
-    ("kb*Max(x, 0)", {"kb": 600.0}),
     ("kb*Max(x - b, 0)", {"kb": 900.0, "b": 4e-3}),
 ])  # fmt: skip
 def test_a_mean_that_a_force_makes_is_no_offset(term, values):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen import Observation, ResponseSurface, compare_fits, identify, predict
+from rsgen import Observation, ResponseSurface, identify, predict
 from rsgen.dynamics.virtual_test import add_noise
 from rsgen.law.motion import Motion, project
-from tests.surfaces import beside, changed, codes, distances, errors, identified, model, noisy, surface, truth
+from tests.surfaces import beside, changed, codes, errors, identified, model, noisy, surface, truth
 from tests.virtual import only, simulated
 
 EXACT = 2e-5
@@ -128,20 +128,6 @@ HARDENING, STIFF = "k*x + k3*x**3 + c*v", {"k": 5920.0, "k3": 3e5, "c": 4.0, "m"
 def hardening() -> ResponseSurface:
     values = {name: STIFF[name] for name in ("k", "k3", "c")}
     return simulated(HARDENING, values, np.linspace(2, 12, 6), (8.5, 12.5, 41), harmonics=1)
-
-
-@pytest.mark.parametrize(("flexibility", "below"), [(1e-5, True), (3e-5, False)])
-def test_intervals_contain_the_effect_of_other_modes_without_a_pattern_in_the_misfit(flexibility, below):
-    seen = among_others(hardening(), 0.01, flexibility * (1 - 0.1j), 2e3 * flexibility)
-    seen = add_noise(seen, 0.01, 1)
-    small = seen.select(seen.frequency < 9.9) if below else seen
-    found = [
-        identify(small, HARDENING, Observation(background="none" if below else "constant")),
-        identify(seen, HARDENING, Observation(background="residuals")),
-    ]
-    assert found[1].verdict.state == "identified"
-    assert not (found[0].verdict.usable and compare_fits(found).findings)
-    assert all(np.abs(distances(one, STIFF)).max() < 4 for one in found)
 
 
 @pytest.mark.parametrize("background", ["constant", "residuals"])

@@ -203,13 +203,6 @@ def test_linear_structure_has_one_resonance_at_every_level():
     assert turning[:, 0] == pytest.approx(-turning[:, 1], rel=1e-6)
 
 
-def test_jumps_across_the_resonance_are_marked():
-    table = surface("quintic", levels=np.array([2.0, 20.0]))
-    found, _ = find_resonances(select_points(table, model("quintic")), 1.5)
-    assert [resonance.jump for resonance in found] == [False, True]
-    assert all(resonance.reached for resonance in found)
-
-
 @pytest.mark.parametrize("sweep", ["up", "down"])
 def test_the_point_at_which_a_sweep_lands_is_no_resonance(sweep):
     law, values = "k*x + k3*x**3 + c*v", {"k": 2e4, "k3": 3e9, "c": 12.0}

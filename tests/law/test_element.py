@@ -123,8 +123,6 @@ FAMILIES = {
     "gap": [
         "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))",
         "k4*x + Piecewise(((k5 - k4)*(x - b), x > b), ((k5 - k4)*(x + b), x < -b), (0, True))",
-        "Piecewise((k5*x + (k4 - k5)*b, x > b), (k4*x, x > -b), (k5*x - (k4 - k5)*b, True))",
-        "k4*x + (k5 - k4)*(Max(0, x - b) + Min(0, x + b))",
         "k4*x + (k5 - k4)*((x - b)*Heaviside(x - b) + (x + b)*Heaviside(-x - b))",
         "k5*x + (k5 - k4)/2*(abs(x - b) - abs(x + b))", "k5*x + (k4 - k5)*Max(-b, Min(x, b))",
         "k4*x + (k5 - k4)*sign(x)*Max(0, abs(x) - b)",
@@ -136,7 +134,6 @@ FAMILIES = {
     ],
     "saturation": [
         "Max(-Fm, Min(ks*x, Fm))", "Min(Fm, Max(ks*x, -Fm))",
-        "Piecewise((ks*x, abs(ks*x) < Fm), (Fm*sign(x), True))",
         "Piecewise((Fm, ks*x > Fm), (-Fm, ks*x < -Fm), (ks*x, True))", "(abs(ks*x + Fm) - abs(ks*x - Fm))/2",
     ],
     "friction": [
