@@ -128,7 +128,6 @@ def test_no_file_no_regular_file_too_large(tmp_path):
     assert "cannot be read" in refused(tmp_path / "absent.toml")[0]
     assert "no regular file" in refused(tmp_path)[0]
     assert "at most 262144" in refused(write(tmp_path, "#" * 300_000))[0]
-    # a line may be long in itself, too
     assert "in a line" in refused(write(tmp_path, "#" * 30_000))[0]
 
 
@@ -146,7 +145,6 @@ def test_memory_is_declared_beside_the_force_or_comes_with_a_law(tmp_path, monke
     spring, joint = load_case(write(tmp_path, text)).model.elements
     assert spring == make_element("spring", "k1*x + z", {"z": formula})
     assert joint == make_element("joint", "c*v + w", {"w": formula.replace("a*", "a2*").replace("z", "w")})
-    # what is written of an element reads back as the same element
     for element in (spring, joint):
         assert make_element(element.name, write_formula(element.force), element.memory) == element
 
@@ -280,7 +278,6 @@ def test_data_folders(tmp_path, monkeypatch):
     {"kind": "simulated-sweep", "level": {"values": ["1 N"]}, "band": ["7 Hz", "13 Hz"], "duration": "60 s"},
 ])  # fmt: skip
 def test_a_law_is_tried_before_a_virtual_record_in_time(tmp_path, test):
-    """A decay has no levels that were planned."""
     case = load_case(write_small(tmp_path, test=test | {"rate": "400 Hz"}))
     assert case.test.in_time
     assert law_faults(case) == []

@@ -26,12 +26,10 @@ IWAN4 = (
 
 @pytest.mark.parametrize(("virgin", "values", "closed"), [
     ("Min(kt*x, Fs)", {"kt": 3.0, "Fs": 1.5}, True), ("K*x - R*x**p", {"K": 3.0, "R": 0.4, "p": 1.37}, True),
-    ("k1*x + k3*x**3 - k5*x**5", {"k1": 2.0, "k3": 0.3, "k5": 0.01}, True),
     ("Piecewise((K*x - K*x**2/(4*xs), x < 2*xs), (K*xs, True))", {"K": 4.0, "xs": 0.3}, True),
     ("Min(k1*x, F1) + Min(k2*x, F2)", {"k1": 3.0, "F1": 1.0, "k2": 0.7, "F2": 1.1}, True),
     ("Min(k1*x, k2*x + F*(1 - k2/k1))", {"k1": 3.0, "k2": 0.4, "F": 1.2}, True),
     ("Min(k1*x, k2*x + F)", {"k1": 3.0, "k2": 0.4, "F": 1.2}, False),
-    ("Min(k2*x, k1*x + F)", {"k1": 0.4, "k2": 3.0, "F": 1.2}, False),
     ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, False), ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, False),
     ("Piecewise((K*x - R*x**1.5, x < b), (K*b - R*b**1.5, True))", {"K": 3.0, "R": 1.0, "b": 0.8}, True),
     (IWAN4, {"R": 2.0, "S": 0.7, "chi": -0.4, "xm": 0.9}, False),
@@ -159,7 +157,6 @@ def held_against_stepping(derived, values, rate, X, k=0.0, asked=STEPPED):
 @pytest.mark.parametrize("n", [0.7, 1.7])
 def test_powers_of_a_state_from_hardly_any_slip_to_almost_nothing_else(n):
     law = derive(make_element("bw", "k*x + z", {"z": "A*v - bg*abs(v)*abs(z)**(n-1)*z - bd*v*abs(z)**n"}))
-    assert law.checked_to is not None
     assert law.checked_to < STEPPED
     values = {"k": 1.0, "A": 2.0, "bg": 0.7, "bd": 0.3, "n": n}
     for X in (1e-3, 1.0, 100.0):

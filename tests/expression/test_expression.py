@@ -160,7 +160,6 @@ def test_symbols_are_canonical():
     assert symbol("omega").is_positive
     assert all(symbol(name).is_real and symbol(name).is_positive is None for name in ("x", "v", "X0", "k1"))
     assert parse("k1*x").free_symbols == {symbol("k1"), symbol("x")}
-    # a function only where it is called
     assert parse("gamma*gamma(3)", {"gamma"}) == 2 * symbol("gamma")
     with pytest.raises(ExpressionError):
         symbol("sin")
@@ -362,5 +361,4 @@ def test_what_occurs_twice_has_the_numbers_of_the_whole(text):
 
 
 def test_every_function_that_may_be_called_can_be_read():
-    """A Piecewise has branches in place of arguments, and is read by itself."""
     assert sorted(FUNCTIONS) == sorted({"Piecewise", *FUNCTION_TABLE})

@@ -56,7 +56,6 @@ def test_the_bias_of_squared_noise_is_removed():
 def test_the_correction_is_that_of_the_noise_found_whatever_was_expected():
     values = [found(1, corrected=True, expected=NOISE * times) for times in (0.3, 1.0, 3.0)]
     assert values == pytest.approx([values[1]] * 3, rel=1e-6)
-    # a good part of the bias, so that the numbers say something
     assert abs(values[1] - found(1, corrected=False)) > 0.01
 
 

@@ -38,7 +38,6 @@ def test_readings_become_means_with_their_scatter(cubic):
     means, repeats = gather_repeats(repeated(cubic, 1))
     assert len(means) == len(cubic)
     assert set(repeats.count) == {READINGS}
-    # noise of force and response, each of relative size NOISE
     assert repeats.noise == pytest.approx(np.sqrt(2) * NOISE, rel=0.1)
     order, again = (np.lexsort((t.frequency, t.level)) for t in (cubic, means))
     ratio = (means.harmonics[again, 1] / means.force[again]) / (

@@ -1,7 +1,5 @@
 """Laws across two sensors, on a structure of two masses whose exact motions are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -133,7 +131,6 @@ def test_noise_leaves_the_true_values_within_their_intervals():
 
 @pytest.mark.slow
 def test_a_held_out_level_is_predicted_with_its_measured_ratio():
-    # no other level is, as the motion across it is not known
     surface = two_masses()
     found = rs.identify(surface, ELEMENTS, rs.Observation(hold_out=(3.0,)))
     for known in (found, rs.Oscillator(MASS, ELEMENTS, TRUE)):
@@ -166,7 +163,6 @@ def test_what_cannot_be_identified_across_is_said(law, surface, options, said):
 def test_a_joint_that_gives_energy_is_rejected_although_the_sum_of_all_elements_takes_it():
     surface = two_masses(noise=0.003)
     assert not [f for f in rs.identify(surface, ELEMENTS).findings if "negative" in f.code]
-    # the sum of channels written the other way round fits as well, with the joint's signs turned
     verdict = rs.identify(replace(surface, across=-surface.across), ELEMENTS).verdict
     found = {f.names["curve"]: f for f in verdict.decided_by if "negative" in f.code}
     assert verdict.state == "rejected"

@@ -117,7 +117,6 @@ def test_next_to_a_background_no_unit_of_the_mass_is_blamed():
 @pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("columns", ["complex", "amplitudes"])
 def test_exchanged_channels_are_named(order, columns, monkeypatch):
-    """A velocity that was exchanged with the force is divided by i omega as the force is."""
     test = noisy(surface("cubic"), NOISE, 1)
     rate = (1j * test.omega) ** order
     pushed, moved = test.harmonics[:, 1] * rate, test.force
@@ -131,7 +130,6 @@ def test_exchanged_channels_are_named(order, columns, monkeypatch):
     if (order, columns) == (0, "complex"):
         found = rsgen.identify(read, LAW)
         assert in_order(found.verdict.decided_by)[0].names.get("is") == "exchanged"
-        # a curve that rises at the end of the band and has no peak
         monkeypatch.setattr(AmplitudeBalance, "peak", lambda *_: (np.zeros(0), np.zeros(0)))
         assert "prediction-extrapolated" in codes(rsgen.predict(found))
 
@@ -270,7 +268,6 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
     assert reasons_of(stated)[0] == stated["sentences"][0]
     assert reasons_of(stated)[1].startswith("What else is found may follow from that: ")
     assert steps_once(stated) == [next_step(said)]
-    # one step, though the forces contradict the levels, too
     by_force = Finding("levels-swapped", "doubt", numbers={"low_measured": low, "high_measured": high})
     assert next_step(by_force) == next_step(said)
 

@@ -15,17 +15,21 @@ MASS, K, C, K3 = 1.3, 30000.0, 12.0, 4e10
 LAW = "k*x + c*v + k3*x**3"
 
 
-def held(*levels: float, seed: int, moved: float = 0.003) -> rs.ResponseSurface:
-    """Make a test of a cubic spring at held amplitudes [m], with 0.5 % noise of the force."""
+def cubic(amplitude):
+    """Return k [N/m] and c [N s/m]."""
+    return K + 0.75 * K3 * amplitude**2, C
+
+
+def held(*levels: float, seed: int, law=cubic, band=(22, 30, 33)) -> rs.ResponseSurface:
+    """Make a test at held amplitudes [m], with 0.5 % noise of the force and 0.3 % of the amplitudes."""
     random = np.random.default_rng(seed)
-    level, frequency = (part.ravel() for part in np.meshgrid(levels, np.linspace(22, 30, 33), indexing="ij"))
+    level, frequency = (part.ravel() for part in np.meshgrid(levels, np.linspace(*band), indexing="ij"))
     omega, count = 2 * np.pi * frequency, len(level)
-    stiffness = K + 0.75 * K3 * level**2 - MASS * omega**2 + 1j * omega * C
-    noise = 1 + 0.0035 * (random.standard_normal(count) + 1j * random.standard_normal(count))
-    amplitude = level * (1 + moved * random.standard_normal(count))
-    return rs.ResponseSurface(
-        level, frequency, level * stiffness * noise, amplitude.astype(complex), control="response"
-    )
+    stiffness, damping = law(level)
+    force = level * (stiffness - MASS * omega**2 + 1j * omega * damping)
+    force = force * (1 + 0.0035 * (random.standard_normal(count) + 1j * random.standard_normal(count)))
+    amplitude = level * (1 + 0.003 * random.standard_normal(count))
+    return rs.ResponseSurface(level, frequency, force, amplitude.astype(complex), control="response")
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -55,22 +59,10 @@ def joint(amplitude):
     return np.transpose(found)
 
 
-def slipping(*levels: float) -> rs.ResponseSurface:
-    """Make a test of the joint at held amplitudes [m]."""
-    random = np.random.default_rng(1)
-    level, frequency = (part.ravel() for part in np.meshgrid(levels, np.linspace(21, 32, 45), indexing="ij"))
-    omega, count = 2 * np.pi * frequency, len(level)
-    stiffness, damping = joint(level)
-    force = level * (stiffness - MASS * omega**2 + 1j * omega * damping)
-    force *= 1 + 0.0035 * (random.standard_normal(count) + 1j * random.standard_normal(count))
-    size = level * (1 + 0.003 * random.standard_normal(count))
-    return rs.ResponseSurface(level, frequency, force, size + 0j, control="response")
-
-
 def test_the_modal_table_has_a_row_a_level_and_no_course_between_that_it_cannot_know():
-    held = (2e-5, 6e-5, 1.5e-4, 3e-4, 6e-4)
-    table = rs.modal_table(slipping(*held), mass=MASS)
-    assert table.amplitude == pytest.approx(held, rel=2e-3)
+    levels = (2e-5, 6e-5, 1.5e-4, 3e-4, 6e-4)
+    table = rs.modal_table(held(*levels, seed=1, law=joint, band=(21, 32, 45)), mass=MASS)
+    assert table.amplitude == pytest.approx(levels, rel=2e-3)
     stiffness, damping = joint(table.amplitude)
     assert np.all(table.stiffness_upper - table.stiffness < 20)
     assert np.all(table.damping_upper - table.damping < 0.1)

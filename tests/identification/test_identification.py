@@ -213,7 +213,6 @@ def test_the_point_at_which_a_sweep_lands_is_no_resonance(sweep):
 
 
 def test_a_level_that_ends_before_its_resonance_has_none():
-    # noise makes the last but one response the largest
     table = surface("cubic", levels=np.array([2.0]), frequencies=np.linspace(8, 9.6, 17))
     harmonics = np.array(table.harmonics)
     harmonics[-1] *= harmonics[-2, 1] / harmonics[-1, 1] * 0.99

@@ -77,7 +77,6 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval():
     assert stiffness.by_profile
     low, high = stiffness.interval
     assert low < STOP["kg"] < high
-    # a stop of any greater stiffness explains a touch; none does not
     assert low > 0
     assert high - stiffness.value > 2 * (stiffness.value - low)
     assert "by profile" in str(found)
@@ -88,7 +87,6 @@ def test_a_gap_only_just_passed_has_a_lopsided_interval():
 
 @pytest.mark.thorough
 def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
-    # a rigid stop a little further away explains the touch as well
     found = identify(touched(7), GAP)
     stiffness = found["kg"]
     assert not stiffness.identifiable

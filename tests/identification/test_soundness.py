@@ -62,7 +62,6 @@ def test_noise_is_judged_by_its_size(noise, expected):
 
 @pytest.mark.parametrize(("size", "expected"), [(0.01, "warning"), (0.05, "doubt")])
 def test_a_systematic_misfit_of_a_hundredth_decides_the_verdict(size, expected):
-    # a gain that changes over the band
     exact = surface("cubic")
     gain = 1 + size * np.sin(2 * np.pi * exact.frequency)
     table = noisy(changed(exact, harmonics=exact.harmonics * gain[:, None]), 0.002, 1)
@@ -145,7 +144,6 @@ def test_points_at_the_limit_of_a_record_are_counted(table):
 
     seen = np.sort(table.amplitude * table.omega**2)
     assert severity(remarked(seen[-len(seen) // 10]), "range-reached") == "doubt"
-    # of so few points the record alone says it
     assert severity(remarked(seen[-3]), "range-reached") == "warning"
 
 

@@ -222,7 +222,6 @@ def test_a_wrong_law_is_not_blamed_on_the_channels(law, noise):
     test = measured(CUBIC, HARDENING, [2.0, 5.0, 10.0])
     said = codes(rs.identify(noisy(test, noise, 2), law))
     assert "channels-delayed" not in said
-    # of 1 % of noise one hardening spring is another
     assert "law-does-not-fit" in said or noise == 0.01
 
 

@@ -39,16 +39,13 @@ IWAN4 = (
     ("A*tanh(v/w) + k*x", {}, {"linear": "A k", "odd": True, "rough": False, "positive": ""}),
     # near a zero of high order round-off is all there is
     ("k*(x - b)**7 + c*v", {}, {"linear": "c k", "scaled": []}),
-    ("Piecewise((k*(x - 1)**5, x > 1), (0, True))", {}, {"linear": "k", "scaled": []}),
     ("a*b*x + c*v", {}, {"linear": "a c", "scaled": []}),
-    ("k*abs(x)**n*sign(x) + c*v", {}, {"linear": "c k", "scaled": []}),
     ("Ff*tanh(v/w) + k**2*x", {}, {"linear": "Ff", "scaled": []}),
     # groups of degree one, also beside numbers that hide what a parameter does
     ("Min(kt*x, Fs)", {}, {"linear": "", "scaled": ["Fs kt"]}),
     (f"k*x + {SATURATION}", {}, {"scaled": ["Fm ks"]}),
-    ("k*x + Max(0, ks*x - F0)", {}, {"scaled": ["F0 ks"]}),
     ("k*x + Max(0, ks*(x - b))", {}, {"scaled": ["ks"]}), (f"k*x + kg*{SATURATION}", {}, {"scaled": []}),
-    ("k*x + 4e8*x**5 + A*tanh(v/w)", {}, {"scaled": []}), ("k*x + Max(0, ks*x - 500)", {}, {"scaled": []}),
+    ("k*x + Max(0, ks*x - 500)", {}, {"scaled": []}),
     ("k*x + Fm*tanh(ks*x/Fm) + kp*abs(x)**q*sign(x)", {}, {"scaled": ["Fm ks"]}),
     # of two factors of one loop one is linear; alpha of Bouc and Wen for one sign only
     # signs that a virgin curve leaves: both signs of F are one curve, a power below zero is one of the model
@@ -60,10 +57,6 @@ IWAN4 = (
     (
         "masing(K*x - R*x**p) + structural(h)", {},
         {"linear": "K R h", "scaled": [], "odd": True, "rough": True, "springs": False, "positive": "p"},
-    ),
-    (
-        "k*x + k2*x**2 + structural(h)", {},
-        {"linear": "h k k2", "scaled": [], "odd": False, "rough": False, "springs": True},
     ),
     (
         "k*x + c*v + z", BOUC_WEN,
@@ -78,7 +71,6 @@ IWAN4 = (
         {"linear": "", "scaled": ["Fc sigma"], "odd": True, "rough": True, "springs": False},
     ),
     ("k*x + z", MAXWELL, {"linear": "k k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
-    ("q*z + x", MAXWELL, {"linear": "k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
     ("masing(Min(1500*x, F1)) + masing(Min(1500*x, F2))", {}, {"positive": "F1 F2"}),
     ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}), ("masing(F*tanh(k*x/F))", {}, {"positive": "k"}),
     (f"R*{IWAN4}", {}, {"positive": "b"}),
@@ -97,7 +89,6 @@ def test_what_kind_of_law_it_is(text, memory, expected):
 
 
 def test_a_long_term_is_linear_without_its_derivatives(monkeypatch):
-    # second derivatives of such a term may take seconds
     monkeypatch.setattr(sympy.Expr, "diff", None)
     waves = [parse(f"{n}*x**{n}*tanh(w*v)") for n in range(2, 60)]
     parameters = [parse(name) for name in ("Ff", "c", "w")]
@@ -130,7 +121,6 @@ def test_terms_that_may_change_places(law, groups):
 
 @pytest.mark.slow
 def test_values_of_two_sliders_have_the_order_of_their_names():
-    """The truth names them the other way round; the comparison holds equal against equal."""
     true = {"k": 5000.0, "c": 3.0, "Fa": 8.0, "ka": 1500.0, "Fb": 2.0, "kb": 2500.0}
     truth = Oscillator(1.5, f"k*x + c*v + {SLIDERS}", true)
     test = SimulatedTest(level=[1.0, 4.0, 10.0, 20.0], frequency=np.linspace(8, 12, 11), harmonics=3)

@@ -77,7 +77,6 @@ def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_dampin
     np.testing.assert_allclose(table.damping, C1, rtol=1e-6)
     assert np.isnan([*table.stiffness, *table.damping_ratio, table.mass]).all()
     assert [finding.code for finding in table.findings] == ["mass-at-resonance"]
-    # columns that are not known are empty, and no response off resonance is predicted
     row = next(csv.DictReader(io.StringIO(table.to_csv())))
     assert row["stiffness [N/m]"] == row["lower damping_ratio [1]"] == ""
     assert "damping_ratio" not in repr(table)
@@ -133,7 +132,6 @@ def test_amplitudes_alone_are_enough():
 
 @pytest.mark.parametrize("level", [3.2, 12.0])
 def test_a_held_out_level_is_predicted_without_a_law(level):
-    """Inside the table to the error of its splines; above its amplitudes not at all, and that is said."""
     asked = float(SURFACE.levels[np.argmin(np.abs(SURFACE.levels - level))])
     table = rsgen.modal_table(SURFACE, Observation(hold_out=(asked,)))
     prediction = rsgen.predict(table, None, SURFACE)

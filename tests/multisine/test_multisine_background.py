@@ -54,7 +54,6 @@ def test_exact_records_give_law_and_background_to_round_off(kind, law):
     assert {e.name: e.value for e in found} == pytest.approx(
         {e.name: {**TRUE, "m": MASS}[e.name] for e in found}, rel=1e-9
     )
-    assert found.background is not None
     assert found.background.values == pytest.approx(VALUES[kind], rel=1e-7 if kind == "neighbour" else 1e-8)
 
 
@@ -99,12 +98,10 @@ def test_a_spring_with_noise_beside_a_background():
     facts = rsgen.Observation(background="residuals", hold_out=(held,))
     found = rsgen.identify(test, "k*x + k3*x**3 + c*v", facts)
     assert found.verdict.usable
-    assert found.background is not None
     names = found.background.shape(np.ones(1), np.ones(1)).names
     expected = {**truth, "m": MASS, **dict(zip(names, VALUES["residuals"], strict=True))}
     for estimate in (*found, *found.background.estimates):
         assert abs(estimate.value - expected[estimate.name]) < 4 * estimate.standard_error, estimate.name
-    # the response at the sensor is predicted, background included
     assert found.held_out[0].error < 2 * found.held_out[0].noise
     blind = rsgen.identify(test, "k*x + k3*x**3 + c*v")
     assert not blind.verdict.usable
@@ -126,5 +123,4 @@ def test_the_modal_table_is_that_of_the_mode():
     table = rsgen.modal_table(test, rsgen.Observation(background="residuals"))
     np.testing.assert_allclose(table.stiffness, TRUE["k"], rtol=1e-6)
     np.testing.assert_allclose(table.damping, TRUE["c"], rtol=1e-5)
-    assert table.test.background is not None
     assert table.test.background.values == pytest.approx(VALUES["residuals"], rel=1e-6)

@@ -79,10 +79,8 @@ def test_motions_of_a_balance_fulfil_fundamental_and_mean():
     harmonics, _ = solve_harmonic_balance(rsgen.Oscillator(MASS, LAW, TRUE), force, frequency, harmonics=8)
     equations = Equations(2 * np.pi * frequency, force, harmonics, True, np.ones(3), np.zeros((0, 2)))
     matrix, right, unknowns = rows_of(equations)
-    # real part, imaginary part and mean of every motion
     assert matrix.shape == (9, 3)
     assert matrix @ unknowns == pytest.approx(right, abs=1e-9)
-    # the number in the law takes part
     assert np.abs(right[6:]).min() > 0.01
 
 

@@ -23,7 +23,6 @@ def test_bouc_wen_agrees_with_dop853(accuracy):
     structure, oscillator = events.bouc_wen(2.0, **BENCHMARK), Oscillator(2.0, BOUC_WEN, BENCHMARK)
     F, f = RESONANCE
     asked = solve_steady_states(oscillator, F, f, accuracy=accuracy)
-    # the reference starts close by and goes on until it repeats
     near = solve_steady_states(oscillator, F, f, accuracy=1e-8)
     assert asked.settled.all()
     for i, omega in enumerate(2 * np.pi * f):

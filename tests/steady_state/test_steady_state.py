@@ -101,8 +101,7 @@ def test_cases_agree_with_dop853(name):
     grid = solve_steady_states(o, np.full(test.frequency.shape, test.level.max()), test.frequency)
     frequency[1] = test.frequency[np.nanargmax(np.abs(grid.harmonics[:, 1]))]
     fundamental, harmonics, peak = worst(o, law, force, frequency, ASKED)
-    assert fundamental <= ASKED
-    assert harmonics <= ASKED
+    assert max(fundamental, harmonics) <= ASKED
     assert peak <= ASKED + 2e-6  # the reference is sampled at 2048 times a period
 
 
@@ -110,10 +109,6 @@ OTHERS = {
     "friction that grows with x": (
         oscillator("k*x + c*v + (Ff + mu*x**2)*sign(v)", k=6e3, c=4.0, Ff=0.5, mu=1e5),
         Law(lambda x, v, m: 6e3 * x + 4 * v + (0.5 + 1e5 * x * x) * (1 if m[0] else -1), (v_itself,), 0),
-    ),
-    "friction of x alone": (
-        oscillator("k*x + c*v + mu*abs(x)*sign(v)", k=6e3, c=4.0, mu=300.0),
-        Law(lambda x, v, m: 6e3 * x + 4 * v + 300 * abs(x) * (1 if m[0] else -1), (v_itself, x_itself), 0),
     ),
     "a one-sided stop with friction": (
         oscillator("k*x + c*v + Max(k2*(x - g), 0) + Ff*sign(v)", k=6e3, c=4.0, k2=2e4, g=1e-3, Ff=0.4),
@@ -143,9 +138,7 @@ OTHERS = {
 def test_other_laws_agree_with_dop853(name):
     o, law = OTHERS[name]
     force, frequency = np.array([0.9, 2.0, 5.0]), np.array([9.0, 10.2, 12.5])
-    fundamental, harmonics, _ = worst(o, law, force, frequency, 1e-5)
-    assert fundamental <= 1e-5
-    assert harmonics <= 1e-5
+    assert max(worst(o, law, force, frequency, 1e-5)[:2]) <= 1e-5
 
 
 @pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-6, 1e-9])

@@ -18,10 +18,9 @@ LAST_DIGITS = 4e-16  # of a double: two roundings
 
 
 @pytest.mark.parametrize(("text", "unit", "value"), [
-    ("5.92 kN/m", "N/m", 5920.0), ("-2.2e5 N/m^3", "N/m**3", -2.2e5), ("3.8 N*s/m", "N*s/m", 3.8),
-    ("3.8 N s/m", "N*s/m", 3.8), ("1.2 N·s²/m²", "N*s^2/m^2", 1.2), ("20 mm", "m", 0.02),
-    ("20mm", "m", 0.02), ("3 µm", "m", 3e-6), ("6.2 kg", "kg", 6.2), ("6200 g", "kg", 6.2),
-    ("50 Hz", "Hz", 50.0), ("0.05 kHz", "Hz", 50.0), ("314 rad/s", "1/s", 314.0),
+    ("5.92 kN/m", "N/m", 5920.0), ("-2.2e5 N/m^3", "N/m**3", -2.2e5), ("3.8 N s/m", "N*s/m", 3.8),
+    ("1.2 N·s²/m²", "N*s^2/m^2", 1.2), ("20mm", "m", 0.02), ("3 µm", "m", 3e-6), ("6200 g", "kg", 6.2),
+    ("0.05 kHz", "Hz", 50.0), ("314 rad/s", "1/s", 314.0),
     ("30 rpm", "rad/s", math.pi), ("90 deg", "1", math.pi / 2), ("5 %", "1", 0.05),
     ("1 lbf", "N", 4.4482216152605),  # exact by definition of pound and standard gravity
     ("1 lbf/inch", "N/m", 4.4482216152605 / 0.0254), ("2 N/(m/s)^1.5", "N*s^1.5/m^1.5", 2.0),
@@ -36,11 +35,9 @@ def test_a_quantity_is_its_si_value(text, unit, value):
 
 @pytest.mark.parametrize(("value", "unit", "said"), [
     ("5.92 kN", "N/m", "'5.92 kN' is a force, but N/m (a stiffness) is needed"),
-    ("5.92 kN*s^2", "N/m", "'5.92 kN*s^2' is in N*s^2, but N/m (a stiffness) is needed"),
     ("0.6 V", "N", "'0.6 V' is in V, but N (a force) is needed"),
     ("50 Hz", "rad/s", "counts cycles, but rad/s is needed; a cycle is 2 pi rad: write 314.159 rad/s"),
     ("50 rad/s", "Hz", "is an angular frequency, but Hz is needed"),
-    ("50 1/s", "Hz", "is an angular frequency, but Hz is needed"),
     ("5 m", "1", "is a length, but a plain number without unit is needed"),
     ("1.0", "N", "a number in quotes; a unit such as N is missing"),
     ("", "N", "is not a number with a unit"), ("N", "N", "is not a number with a unit"),
@@ -48,8 +45,7 @@ def test_a_quantity_is_its_si_value(text, unit, value):
     ("5 Nm", "N", "the unit 'Nm' is not known, did you mean 'N*m'?"),
     ("22.5 mv/N", None, "'mv' is not known, did you mean 'mV'?"), ("5 n", "N", "did you mean 'N'?"),
     ("5 kn", "N", "'5 kn' is a velocity, but N (a force) is needed; did you mean 'kN'?"),
-    ("20 degC", None, "has an offset or is logarithmic"),
-    ("3 dB", None, "has an offset or is logarithmic"), ("1 N/m s", None, "ambiguous after its '/'"),
+    ("20 degC", None, "has an offset or is logarithmic"), ("1 N/m s", None, "ambiguous after its '/'"),
     ("2*3 N", "N", "is not a unit"), ("1 + 1 N", "N", "is not a unit"),
     ("1 N**9**9", "N", "is not a unit"), ("1 N^(1/0)", None, "no number as a power"),
     ("1 N^21", None, "a power above 20"), ("1 ((((((((N))))))))", "N", "too many parentheses"),
@@ -97,9 +93,7 @@ def test_whatever_the_text_only_an_rsgen_error_comes_out(text):
     ("masing(Piecewise((1500*x - (1500*x)**2/(4*Fs), 1500*x < 2*Fs), (Fs, True)))", {"Fs": "N"}),
     ("k*Max(0, 2*x - b)", {"k": "N/m", "b": "m"}), ("A*tanh(1000*v/w)", {"A": "N", "w": "m/s"}),
     ("cn6*v*abs(v) + kn8*x**3", {"cn6": "N*s^2/m^2", "kn8": "N/m^3"}),
-    ("Ff*tanh(v/v0)", {"Ff": "N", "v0": "m/s"}),
     ("(Fs + (Fc - Fs)*exp(-(v/vs)**2))*sign(v)", {"Fs": "N", "Fc": "N", "vs": "m/s"}),
-    ("k*Max(x - b, 0)", {"k": "N/m", "b": "m"}), ("k*Min(Max(x, -b), b)", {"k": "N/m", "b": "m"}),
     ("k*x*Heaviside(x - b)", {"k": "N/m", "b": "m"}), ("mu*(x**2 - a)*v", {"mu": "N*s/m^3", "a": "m^2"}),
     ("7.244e5*x + k*x**3", {"k": "N/m^3"}), ("F0*sin(q*x)", {"F0": "N", "q": "1/m"}),
     ("c*abs(v/v0)**p*sign(v)", {"c": "N", "v0": "m/s", "p": "1"}),
