@@ -142,11 +142,11 @@ def test_errors_follow_from_noise_that_neighbours_share(shared):
 
 
 def straight(slopes: np.ndarray, seen: np.ndarray):
-    """Readings (n, 2) that are linear in the parameters, without nuisances."""
-    count, _, parameters = slopes.shape
+    """Readings (n, r) that are linear in the parameters, without nuisances."""
+    count, rows, parameters = slopes.shape
 
     def linearise(p: np.ndarray, nuisance: np.ndarray) -> Linearisation:
-        return Linearisation(seen - slopes @ p, np.zeros((count, 2, 0)), slopes)
+        return Linearisation(seen - slopes @ p, np.zeros((count, rows, 0)), slopes)
 
     return linearise, np.ones(parameters), np.zeros((count, 0))
 

@@ -151,7 +151,6 @@ def test_a_held_out_level_is_predicted_with_its_measured_ratio():
         "k: cancels in the sum",
     ),
     ((*ELEMENTS, rs.make_element("other", "h*x", across="a - b")), {}, {}, "one pair of sensors"),
-    ((*ELEMENTS, rs.make_element("other", "h*x**2", across="a - b")), {}, {}, "one pair of sensors"),
     (ELEMENTS, {}, {"observation": rs.Observation(background="neighbour")}, "take 'residuals'"),
 ])  # fmt: skip
 def test_what_cannot_be_identified_across_is_said(law, surface, options, said):

@@ -390,12 +390,8 @@ def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
         rsgen.identify(shaken, "5920*x + kn*x**3 + c*v", **given)
 
 
-def test_an_error_may_be_given_of_the_mass_that_a_model_has():
-    told = join_model(Model(as_elements(TWO_SIDES), 0.5), mass_error=0.01)
-    assert told.weighed == (0.5, 0.01)
-
-
 def test_a_mass_in_g_is_named_where_no_point_follows_the_law():
     model, none = Model(as_elements(TWO_SIDES), 0.5e-3), np.zeros(len(two_sides()), dtype=bool)
+    assert join_model(model, mass_error=0.01).weighed == (0.5e-3, 0.01)
     with pytest.raises(rsgen.RsgenError, match=r"is m = 0\.0005 kg its mass \(the points show about 0\.5"):
         judge._require_followed(none, model, two_sides())

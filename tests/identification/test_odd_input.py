@@ -33,9 +33,7 @@ def test_a_parameter_may_be_called_as_a_variable_of_a_test(table, name):
     assert found[name].value == pytest.approx(3.8, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    "law", ["k*x + c*v + 1e300*exp(x)", "k*x + c*v + 1e300*exp(a*x)", "k*x + c*v + exp(1e300*v)"]
-)
+@pytest.mark.parametrize("law", ["k*x + c*v + 1e300*exp(a*x)", "k*x + c*v + exp(1e300*v)"])
 def test_a_law_that_overflows_is_refused(table, law):
     with pytest.raises(RsgenError, match=r"law: .* follows none of the"):
         identify(fundamentals(table), law)

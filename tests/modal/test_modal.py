@@ -27,12 +27,10 @@ def omega_of(amplitude: np.ndarray) -> np.ndarray:
     return np.sqrt((K1 + 0.75 * KN1 * amplitude**2) / MASS)
 
 
-def measured(X: np.ndarray, omega: np.ndarray, force: np.ndarray, **options: str) -> ResponseSurface:
+def measured(X: np.ndarray, omega: np.ndarray, force: np.ndarray) -> ResponseSurface:
     """Points of these amplitudes under a force whose phase counts from the response."""
     size = np.abs(force)
-    return ResponseSurface(
-        options.pop("level", size), omega / (2 * np.pi), size, X * np.exp(-1j * np.angle(force)), **options
-    )
+    return ResponseSurface(size, omega / (2 * np.pi), size, X * np.exp(-1j * np.angle(force)))
 
 
 def inside(table: rsgen.ModalTable, name: str, true: np.ndarray) -> np.ndarray:

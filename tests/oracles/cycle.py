@@ -11,27 +11,26 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 PANELS = 320
 SMOOTH = 1e-6  # how well 12 nodes extrapolate to the ends of a panel without a jump
 DEEPEST = 48
-
-
 ENDS = np.linalg.solve(
     np.polynomial.legendre.legvander(NODES, 11).T, np.polynomial.legendre.legvander([-1.0, 1.0], 11).T
 )
 
 
+def _at(law, start, stop, places):
+    """Give the angles at places of panels, -1 their starts and 1 their ends, and the force there."""
+    phi = start[:, None] + (stop - start)[:, None] * (places + 1) / 2
+    with np.errstate(all="ignore"):
+        return phi, np.broadcast_to(law(np.sin(phi), np.cos(phi)), phi.shape)
+
+
 def _smooth(law, start, stop, size):
     """Tell which panels have end values that fit their nodes."""
-    ends = np.stack((start, stop), axis=1)
-    phi = start[:, None] + (stop - start)[:, None] * (NODES + 1) / 2
-    with np.errstate(all="ignore"):
-        force = np.broadcast_to(law(np.sin(phi), np.cos(phi)), phi.shape)
-        at_ends = np.broadcast_to(law(np.sin(ends), np.cos(ends)), ends.shape)
+    (_, force), (_, at_ends) = (_at(law, start, stop, places) for places in (NODES, np.array([-1.0, 1.0])))
     return np.abs(force @ ENDS - at_ends).max(axis=1) <= SMOOTH * size
 
 
 def _panel(law, start, stop):
-    phi = start[:, None] + (stop - start)[:, None] * (NODES + 1) / 2
-    with np.errstate(all="ignore"):
-        force = np.broadcast_to(law(np.sin(phi), np.cos(phi)), phi.shape)
+    phi, force = _at(law, start, stop, NODES)
     weighted = force * WEIGHTS * ((stop - start) / 2)[:, None]
     return np.stack([(weighted * part).sum(1) for part in (np.sin(phi), np.cos(phi), 1.0)]
                     + [np.abs(weighted).sum(1)])  # fmt: skip

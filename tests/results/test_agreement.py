@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from rsgen import ResponseSurface, RsgenError, identify
-from rsgen.identification.fitting.least_squares import Linearisation, Regression, fit
+from rsgen.identification.fitting.least_squares import Regression, fit
 from rsgen.identification.lines.line_fit import jackknife
 from rsgen.identification.results.alternatives import Alternative, Alternatives, compare_parts
+from tests.fitting.test_least_squares import straight
 from tests.samples import cubic_model, cubic_surface
 from tests.surfaces import MASS, codes, model, noisy, surface
 
@@ -18,11 +19,7 @@ NOISE = 0.01
 def line_through(x: np.ndarray, y: np.ndarray) -> Regression:
     """Fit y = a + b x."""
     by = np.stack([np.ones(len(x)), x], axis=1)[:, None]
-
-    def linearise(parameters: np.ndarray, nuisance: np.ndarray) -> Linearisation:
-        return Linearisation(y[:, None] - by @ parameters, np.zeros((len(x), 1, 0)), by)
-
-    return fit(linearise, np.array([0.1, 0.1]), np.zeros((len(x), 0)), exclude=False)
+    return fit(*straight(by, y[:, None]), exclude=False)
 
 
 @pytest.fixture
