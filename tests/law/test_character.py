@@ -39,6 +39,7 @@ IWAN4 = (
     ("A*tanh(v/w) + k*x", {}, {"linear": "A k", "odd": True, "rough": False, "positive": ""}),
     # near a zero of high order round-off is all there is
     ("k*(x - b)**7 + c*v", {}, {"linear": "c k", "scaled": []}),
+    ("Piecewise((k*(x - 1)**5, x > 1), (0, True))", {}, {"linear": "k", "scaled": []}),
     ("a*b*x + c*v", {}, {"linear": "a c", "scaled": []}),
     ("Ff*tanh(v/w) + k**2*x", {}, {"linear": "Ff", "scaled": []}),
     # groups of degree one, also beside numbers that hide what a parameter does
@@ -71,6 +72,8 @@ IWAN4 = (
         {"linear": "", "scaled": ["Fc sigma"], "odd": True, "rough": True, "springs": False},
     ),
     ("k*x + z", MAXWELL, {"linear": "k k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
+    ("q*z + x", MAXWELL, {"linear": "k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
+    ("k*x + k2*x**2 + structural(h)", {}, {"linear": "h k k2", "odd": False, "springs": True}),
     ("masing(Min(1500*x, F1)) + masing(Min(1500*x, F2))", {}, {"positive": "F1 F2"}),
     ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}), ("masing(F*tanh(k*x/F))", {}, {"positive": "k"}),
     (f"R*{IWAN4}", {}, {"positive": "b"}),

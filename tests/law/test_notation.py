@@ -17,7 +17,8 @@ EQUATION_20 = "Piecewise((k4, X <= b), (k5 - (k5 - k4)/pi*(2*asin(b/X) + 2*b/X**
 @pytest.mark.parametrize(("formula", "text"), [
     ("k1 + X**2*kn1*3/4", "k1 + 3/4 kn1 X^2"), ("k2 + 5/8*kn2*X**4", "k2 + 5/8 kn2 X^4"),
     ("c*v*abs(v) + Ff*sign(v)", "Ff sign(v) + c v |v|"), ("abs(b - abs(x))", "abs(b - |x|)"),
-    ("7.244e5*x - 1.1770e10*x*abs(x)", "724400 x - 1.177e10 x |x|"), ("besselj(1, q*X)*a", "a J1(q X)"),
+    ("7.244e5*x - 1.1770e10*x*abs(x)", "724400 x - 1.177e10 x |x|"), ("k*abs(x)**1.5", "k |x|^(3/2)"),
+    ("k6/2 + k7/2", "(k6 + k7)/2"), ("besselj(1, q*X)*a", "a J1(q X)"),
     ("k*Piecewise((1, x > b), (0, True))", "k {1 if x > b; 0 otherwise}"),
     ("c*v + Piecewise((0, -b < x < b), (k, True))", "c v + { 0  if -b < x < b\n      { k  otherwise"),
     (
@@ -34,7 +35,8 @@ def test_plain_text_reads_as_a_person_writes(formula, text):
     ("k1 + X**2*kn1*3/4", r"k_{1} + \frac{3}{4}\,k_{n1} X^{2}"),
     ("(k6 + k7)/2", r"\frac{k_{6} + k_{7}}{2}"), ("a*sin(q*x)**2", r"a\,\sin^{2}\left(q x\right)"),
     ("exp(-x/b)", r"\mathrm{e}^{-x/b}"), ("k*abs(x)**1.5", r"k \left|x\right|^{3/2}"),
-    ("1.177e10*x", r"1.177\times 10^{10}\,x"), ("1e9*x", r"10^{9}\,x"),
+    ("c3 + 4*Ff/(pi*omega*X)", r"c_{3} + \frac{4 F_{f}}{\pi \omega X}"), ("1e9*x", r"10^{9}\,x"),
+    ("(x + b)**2", r"\left(x + b\right)^{2}"), ("1.177e10*x", r"1.177\times 10^{10}\,x"),
     ("k*sign(x)*x**(1/3)", r"k \sqrt[3]{x}\,\operatorname{sgn}\left(x\right)"),
     ("-a*(b + c)*x/2", r"-\frac{a \left(b + c\right) x}{2}"), ("1e9**p", r"\left(10^{9}\right)^{p}"),
     (
