@@ -178,12 +178,11 @@ class Outcome:
         return self.state in ("refused", "rejected", "doubtful")
 
 
-def judge(path: Path, data: Path | None = None) -> Outcome:
+def judge(path: Path) -> Outcome:
     """Go from a case file to the verdict as ``rsgen identify`` does; nothing is compared with a truth."""
     try:
-        case = rsgen.load_case(path, data)
-        surface = rsgen.read(case)
-        found = rsgen.identify(surface, case.model)
+        case = rsgen.load_case(path)
+        found = rsgen.identify(rsgen.read(case), case.model)
         return Outcome(found.verdict, found.findings)
     except RsgenError as refusal:
         return Outcome(None, refusal=" ".join(str(refusal).split()))
