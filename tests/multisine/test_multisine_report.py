@@ -80,7 +80,6 @@ def test_a_case_of_a_multisine_runs_from_file_to_page(folder, found, run_cli):
 def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
     for changes, reason in (
         ({"test.demodulation": {"band": ["1 Hz", "9 Hz"]}}, "belongs to sines"),
-        ({"test.multisine": {"period": 500}}, "does not repeat every 500 samples"),
         ({"identify.hold_out": ["5 N"]}, "no level 5 N in the test; it has 1, 4, 8 N"),
     ):
         checked = run_cli("check", write_small(folder, "odd", CASE | changes))

@@ -11,9 +11,7 @@ from rsgen.identification.lines.line_fit import jackknife
 from rsgen.identification.results.alternatives import Alternative, Alternatives, compare_parts
 from tests.fitting.test_least_squares import straight
 from tests.samples import cubic_model, cubic_surface
-from tests.surfaces import MASS, codes, model, noisy, surface
-
-NOISE = 0.01
+from tests.surfaces import MASS, model, surface
 
 
 def line_through(x: np.ndarray, y: np.ndarray) -> Regression:
@@ -50,19 +48,6 @@ def test_the_jackknife_is_that_of_refits(data):
     left_out = [line_through(x[group != g], y[group != g]).parameters - whole.parameters for g in range(5)]
     expected = 4 / 5 * np.sum([np.outer(moved, moved) for moved in left_out], axis=0)
     assert jackknife(whole, group) == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("law", ["cubic", "combined", "coulomb"])
-@pytest.mark.parametrize("noise", [0.0, NOISE])
-def test_a_wrong_law_is_found_by_levels_that_disagree(law, noise):
-    table = noisy(surface(law), noise, 3)
-    right, wrong = identify(table, model(law)), identify(table, "k*x + c*v")
-    assert not {"parts-disagree", "law-ambiguous"} & codes(right)
-    assert right.verdict.state == "identified"
-    assert wrong.verdict.state in ("doubtful", "rejected")
-    assert "parts-disagree" in codes(wrong)
-    assert {"intervals-widened", "law-ambiguous"} & codes(wrong)
 
 
 @pytest.mark.slow

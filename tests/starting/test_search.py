@@ -1,7 +1,5 @@
 """Values found without a start: searches, and the equations that they fulfil."""
 
-from math import isnan
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -15,7 +13,6 @@ from rsgen.law.element import make_element
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 from tests.oracles.harmonic_balance import solve_harmonic_balance
-from tests.surfaces import distances
 from tests.virtual import simulated
 
 MASS = 1.5
@@ -51,17 +48,6 @@ def test_values_come_back_with_their_signs(text, added, noise):
         error = abs(estimate.value - true[estimate.name])
         limit = 4.5 * estimate.standard_error if noise else 1e-6 * abs(true[estimate.name])
         assert error < limit, (estimate, true[estimate.name])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("friction", ["", pytest.param(" + Ff*tanh(v/w)", marks=pytest.mark.thorough)])
-def test_a_saturation_that_is_never_reached_is_no_number(friction):
-    added = {"ks": 2000.0, "Fm": 500.0} | ({"Ff": 1.0, "w": 0.2} if friction else {})
-    found, true = identified(SATURATION + friction, added, (2.0, 12.0), 1e-3)
-    assert all(isnan(found[name].value) for name in ("k", "ks", "Fm"))
-    assert found["k"].finding.code == "confounded"
-    shown = {name: value for name, value in true.items() if name not in ("k", "ks", "Fm")}
-    assert np.abs(distances(found, shown)).max() < 4.5
 
 
 LAW = "k*x + 6e4*x**2 + c*v"
