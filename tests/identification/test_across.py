@@ -1,5 +1,7 @@
 """Laws across two sensors, on a structure of two masses whose exact motions are known."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
