@@ -400,6 +400,16 @@ def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_name
         follow_decay(history, mass=0.62, start=8.4)
 
 
+@pytest.mark.parametrize("band", [None, (7, 13)])
+def test_a_motion_that_grows_slowly_is_no_decay(band):
+    """It was refused as one that does not move, or the noise at its end was followed."""
+    time = np.arange(0, 8, 1 / 400)
+    motion = 1e-3 * np.exp(0.2 * time) * np.cos(2 * np.pi * 10 * time + 2)
+    motion += 5e-6 * np.random.default_rng(1).normal(size=len(time))
+    with pytest.raises(RsgenError, match=r"near 10 Hz grows and does not fall"):
+        from_free_decay(TimeHistory(400.0, None, motion), mass=1.0, band=band)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.005])
 def test_a_growing_motion_and_noise_are_no_decay(noise):
     with pytest.raises(RsgenError, match="does not fall as a free decay does"):

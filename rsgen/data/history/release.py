@@ -178,13 +178,18 @@ def _slowly(high: Array) -> bool:
 
 
 def refuse_growth(history: TimeHistory, line: float, band: tuple[float, float] | None) -> None:
-    """Refuse a record whose amplitude near a ``line`` [Hz] grows, more slowly than by a blow, to its end."""
+    """Refuse a record whose amplitude near a ``line`` [Hz] grows to its end, more slowly than by a blow."""
     high = _amplitudes(history.response, history.rate, line, band)
-    if len(high) and float(high[-1] - np.min(high)) > _MIN_RISE and _slowly(high):
-        # with more tops others may fall
-        (first, *others) = _tops(high)
-        if others or float(high[first] - high[-1]) > _MIN_FALL:
-            return
+    if not len(high):
+        return
+    least, most = int(np.argmin(high)), int(np.argmax(high))
+    # from its begin to its end, or late and by far
+    throughout = least < _SPECTRA_OF_BLOW and most >= len(high) - _SPECTRA_OF_BLOW
+    late = float(high[-1] - high[least]) > _MIN_RISE and _slowly(high)
+    # with more tops others may fall
+    (first, *others) = _tops(high)
+    falls = float(high[first] - high[-1]) > _MIN_FALL
+    if (late or (throughout and float(np.ptp(high)) > _MIN_FALL)) and not (others or falls):
         raise MeasurementError(
             f"{history.label}: the motion near {line:.4g} Hz grows and does not fall; a free decay is needed"
         )
