@@ -214,13 +214,15 @@ def test_a_level_at_which_friction_holds_the_mass_is_a_finding():
     assert "friction of 10 N holds the mass" in sentence(stuck.findings[0])
 
 
-def test_friction_that_holds_the_mass_is_said_per_unit_mass_and_of_levels_asked_for_too():
+@pytest.mark.parametrize("mass", [None, 1.5])
+def test_friction_that_holds_the_mass_is_said_per_unit_mass_and_of_levels_asked_for_too(mass):
     table = simulated(*RUBBING, [1.0, 2.0], (9, 11, 31), base="acceleration")
-    found = identify(table, RUBBING[0], Observation(predict=(0.2,)))
+    found = identify(table, RUBBING[0], Observation(predict=(0.2,)), mass=mass)
     for by in (found, predict(found, [0.2, 1.5])):
         said = only(by, "no-steady-state")
         assert (said["level"], said.numbers["friction"].unit) == (0.2, "m/s^2")
         assert said["friction"] == pytest.approx(0.5 / 1.5, rel=1e-3)
+        assert (said.names["by"], said.numbers["least"].unit) == ("rest", "m/s^2")
 
 
 def test_a_curve_just_above_sticking_says_how_far_the_motion_in_time_is_from_its_peak():

@@ -284,7 +284,7 @@ def _findings(
         stops = _friction_under(found, curve)
         if len(curve.frequency) == 0 or stops:
             data = {"level": numbers["level"], **stops}
-            at_rest = "friction" in stops and curve.force <= stops["friction"].value
+            at_rest = "friction" in stops and curve.level <= stops["friction"].value
             names = {"by": "rest"} if at_rest else {}
             findings.append(Finding("no-steady-state", "warning", numbers=data, names=names))
         if len(curve.frequency) == 0:
@@ -323,7 +323,8 @@ def _findings(
 def _friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Quantity]:
     """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
 
-    Friction Ff takes 4 Ff X a period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
+    Both are in the unit of the level: per mass where that is an acceleration. Friction Ff takes 4 Ff X a
+    period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
     A little above that it stops in every period still, of which a balance of few harmonics misses a part:
     then with the ``highest`` amplitude of the curve and that of the motion in time, where they differ.
     """
@@ -332,7 +333,8 @@ def _friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Q
     law, rate = law_of(found.model.elements), 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
     friction = law.dry_friction(ROUND_OFF * rate, found.solution)
     least = 4 / np.pi * friction
-    numbers = quantities(found.curve.units.force, friction=friction, least=least)
+    in_level = curve.level / curve.force
+    numbers = quantities(curve.level_unit, friction=friction * in_level, least=least * in_level)
     if not len(curve.frequency):
         return numbers if curve.force < least else {}
     if curve.force >= MAX_FORCE_TO_FRICTION * friction:
