@@ -44,8 +44,8 @@ class SystemTable(Table):
     )
     mass_error: Quantity | None = Field(
         default=None,
-        description="Standard error of a mass that was weighed [kg]: the mass is then identified, from that, "
-        "too. Measured cases only.",
+        description="Standard error of a mass that was weighed [kg], half of a ± that holds for 95 %: the "
+        "mass is then identified, from that, too. Measured cases only.",
     )
 
 

@@ -306,7 +306,7 @@ def _sentence(fault: Any, document: type[BaseModel]) -> str:
     over = _OVER_FORCE.get(str(fault["input"]).lower()) if path.endswith(".quantity") else None
     also = f", here {over!r} with per_force = true" if over else ""
     if isinstance(fault["input"], dict | list) and f"{location[-1]}_error" in _keys(location[:-1], document):
-        also = f", and its standard error under {location[-1]}_error"
+        also = f", and its standard error, half of a ± of 95 %, under {location[-1]}_error"
     return f"{path}: is {_shown(fault['input'])}; {allowed or fault['msg']} is needed{also}"
 
 

@@ -315,7 +315,8 @@ class _Builder:
         if isinstance(value, str) and re.search(r"±|\+/?-", value):
             self.fault(
                 "system.mass",
-                f'{quote(value)} has an error; it stands under mass_error, as mass_error = "15 g"',
+                f"{quote(value)} has an error; its standard error, half of a ± that holds for 95 %, stands "
+                'under mass_error, as mass_error = "7.5 g"',
             )
         elif value is not None:
             return self.maker.number("system.mass", value, KNOWN_MASS)

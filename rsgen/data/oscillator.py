@@ -256,8 +256,9 @@ class Model(_Elements):
     fixed
         Values of parameters that are known beforehand, SI, by name; all others are to be identified.
     mass_error
-        Standard error [kg] of a mass that was weighed: it is then identified, from one more equation. A mass
-        in ``fixed`` is held, as fits of tests whose forces follow it do, and its error is in all values.
+        Standard error [kg] of a mass that was weighed, half of a ± that holds for 95 %: it is then
+        identified, from one more equation. A mass in ``fixed`` is held, as fits of tests whose forces follow
+        it do, and its error is in all values.
 
     Raises
     ------
