@@ -106,6 +106,16 @@ def test_levels_are_compared_with_the_amplitudes_that_were_held(level, control, 
     assert said in "".join(found)
 
 
+@pytest.mark.parametrize("base", ["acceleration", "displacement"])
+def test_a_response_that_was_held_over_a_driven_base_is_said(base):
+    test = held(1e-4, 3e-4, seed=0)
+    amount = np.median(np.abs(test.force)) / (test.omega.mean() ** 2 if base == "displacement" else 1)
+    level = amount * test.level / test.level.max()
+    (found,) = level_findings(fundamentals(test, level=level, base=base))
+    assert rs.sentence(found).endswith("the response hardly: the test held its response")
+    assert (found.names["base"], found.severity) == (base, "doubt")
+
+
 def test_a_response_that_varies_under_a_held_force_was_not_held():
     test = held(3e-4, seed=0)
     free = test.harmonics[:, 1] / test.force

@@ -194,9 +194,9 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     smoothly: where neighbours differ and levels do not, the columns do not belong together."""
     held, unit = surface.response_held, surface.level_unit
     said = {finding.code for finding in surface.findings}
-    if surface.decays or not (held or unit == "N") or "response-not-held" in said:
+    if surface.decays or "response-not-held" in said:
         return
-    if other := control_findings(surface):
+    if (other := control_findings(surface)) or not (held or unit == "N"):
         yield from other
         return
     level, size = surface.level[rows := usable_points(surface)], surface.amplitude[rows]

@@ -66,10 +66,10 @@ def _largest_range(surface: ResponseSurface, amount: Array) -> tuple[float, floa
 
 
 def control_findings(surface: ResponseSurface) -> list[Finding]:
-    """Find that a response varies that should be held, or was held in place of the force; none or one."""
+    """Find that a response varies that should be held, or was held in place of the drive; none or one."""
     held = surface.control == "response"
     (moved, at), (pushed, under) = (
-        _largest_range(surface, size) for size in (surface.amplitude, np.abs(surface.force))
+        _largest_range(surface, size) for size in (surface.amplitude, surface.drive)
     )
     if held and moved > _MIN_RANGE_IF_FREE:
         numbers = {"moved": Quantity(moved), "level": Quantity(at, "m")}
@@ -77,7 +77,8 @@ def control_findings(surface: ResponseSurface) -> list[Finding]:
     if surface.control != "force" or pushed < _MIN_RANGE_IF_FREE or moved > RELATIVE_ERROR_DOUBTFUL:
         return []
     numbers = {"moved": Quantity(pushed), "level": Quantity(under, surface.level_unit)}
-    return [Finding("levels-disagree", "doubt", numbers=numbers, names={"by": "response"})]
+    names = {"by": "response"} | ({"base": surface.base} if surface.base else {})
+    return [Finding("levels-disagree", "doubt", numbers=numbers, names=names)]
 
 
 def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
