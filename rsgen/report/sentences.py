@@ -288,6 +288,7 @@ def headline(verdict: Verdict) -> str:
         return (
             f"Identified: {summary['identified']:.0f} of {summary['parameters']:.0f} parameters, misfit "
             f"{number_text(100 * summary['misfit'], 2)} %"
+            + "; one level shows the law at its own amplitudes only" * (summary["levels"] == 1)
             + "; no mass was given, so nothing checks the units of force and response"
             * ("mass" in summary.names)
             + "; levels are no amounts that were set, so nothing checks the unit of base and response"

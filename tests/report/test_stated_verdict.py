@@ -180,3 +180,13 @@ def test_what_a_case_is_to_change_is_said_to_python_users_too():
     for text in (text for one in said for text in ([one] if isinstance(one, str) else one.values())):
         if re.search(r"\[identify\]|\[system\]|test\.response|\(rsgen |in the case", text):
             assert "in Python" in text, text
+
+
+def test_a_test_of_one_level_says_what_it_shows():
+    outcome = replace(IDENTIFICATION.outcome, numbers={**IDENTIFICATION.outcome.numbers, "levels": 1})
+    alone = replace(IDENTIFICATION, outcome=outcome)
+    for several, one in (
+        (str(IDENTIFICATION), str(alone)),
+        (rsgen.explain(IDENTIFICATION), rsgen.explain(alone)),
+    ):
+        assert ["one level shows the law at its own" in shown for shown in (several, one)] == [False, True]

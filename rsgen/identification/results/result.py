@@ -525,7 +525,7 @@ class Identification(Printed):
         tested = (
             f"{self._amplitude} {low:.4g} to {high:.4g} m, frequency {slow:.5g} to {fast:.5g} Hz, "
             f"{'' if unknown else f'noise {100 * self.noise:.2g} %, '}misfit {100 * self.residual:.2g} %"
-            + "; one level does not show whether the law holds at others"
+            + "; one level shows the law at its own amplitudes only"
             * (self.outcome.numbers.get("levels", (0,))[0] == 1)
         )
         return replace(
