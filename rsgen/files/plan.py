@@ -67,7 +67,9 @@ class Layout(Checked):
     comments: tuple[Annotated[str, Rule(fewest=1, most=4)], ...] = declare(
         ("#", "%", "//"), "Lines that begin with one of these are no data.", most=8
     )
-    skip: int = declare(0, "Lines to pass over first.", at_least=0, at_most=10_000)
+    skip: int = declare(
+        0, "Lines to pass over first; names and units in the last of them count.", at_least=0, at_most=10_000
+    )
     encoding: Literal["auto", "utf-8", "cp1252", "latin-1", "cp1250", "cp1251", "gb18030", "shift_jis"] = (
         declare("auto", "Of names and remarks; auto is UTF-8, and cp1252 where it is not.")
     )

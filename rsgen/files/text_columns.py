@@ -237,7 +237,7 @@ class Columns:
     block
         (n,) number of the block of each row; blank lines, comments and rows of words separate blocks.
     names
-        What the header calls the columns asked for; "" where it does not say.
+        What the header, passed over or not, calls the columns asked for; "" where it does not say.
     words
         Lines among the numbers that hold words only, as a header that repeats; they are passed over.
     spans
@@ -275,6 +275,7 @@ class _Table:
         self.spans: tuple[int, ...] = ()
         self.names: tuple[str, ...] = ()
         self.remark: list[str] = []
+        self.skipped = ""
         self.values = array("d")
         self.lines = array("q")
         self.blocks = array("q")
@@ -294,6 +295,9 @@ class _Table:
         if self.width > MAX_CHANNELS:
             raise self.fail(line, f"{self.width} columns; at most {MAX_CHANNELS} are read")
         header = all(number_in(cell, self.layout.decimal) is None for cell in cells)
+        above = column_names(self.skipped, self.layout.comments) or split_cells(self.skipped, self.delimiter)
+        if not self.remark and is_of_words(above, self.layout.decimal):
+            self.remark = above
         names = cells if header else self.remark if len(self.remark) == self.width else []
         for name in names if header else []:
             if name.startswith(_FORMULA):
@@ -401,6 +405,9 @@ def _fill(table: _Table, source: TextLines, skip: int) -> None:
     for line, text in source.lines():
         if line > skip:
             table.take(line, text)
+        else:
+            # names and units stand there all the same
+            table.skipped = text.strip() or table.skipped
         if table.lines:
             break
     while block := source.block():

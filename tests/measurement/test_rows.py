@@ -60,6 +60,16 @@ def test_an_angular_frequency_read_in_hertz_is_doubted(tmp_path, title):
         assert surface.frequency[0] == pytest.approx(first)
 
 
+@pytest.mark.parametrize(("skip", "sign"), [(0, ""), (1, ""), (1, "# ")])
+def test_names_and_units_that_skip_passes_over_count_all_the_same(tmp_path, skip, sign):
+    path = table(tmp_path, f"{sign}f_Hz,F_N,x_mm")
+    shape = {"layout": Layout(skip=skip)}
+    in_metre = read_planned(path, 1, "F_N", Channel(amplitude=3, unit="m"), **shape)
+    assert doubts(in_metre) == ["unit-contradicts-title"]
+    in_file = read_planned(path, "f_Hz", "F_N", 3, **shape)
+    assert in_file.amplitude[0] == pytest.approx(3e-3)
+
+
 @pytest.mark.parametrize(("title", "unit", "quantity", "doubted"), [
     ("a [g]", "m/s", "velocity", True), ("H (m/s2/N)", "m", "displacement", True),
     ("a [m/s^2]", "m/s^2", "acceleration", False), ("tip (t)", "m", "displacement", False),
