@@ -302,7 +302,7 @@ def make_measured(
     if getattr(table.level, "unit", None) == LABEL:
         maker.units["label"] = ""
     else:
-        maker.hint = _DECAYS_BY_NUMBER if table.excitation == "ring-down" else _AS_LABEL
+        maker.label_hint = _DECAYS_BY_NUMBER if table.excitation == "ring-down" else _AS_LABEL
     timed = table.excitation != "steady"
     known: dict[str, Any] = {"calibrated": calibrated, "history": None, "across": across}
     if timed:

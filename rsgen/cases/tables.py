@@ -266,14 +266,14 @@ class Maker:
         levels are labels, "label" has the unit of their texts, "" before the first.
     faults
         One sentence a fault, each with its key.
-    hint
+    label_hint
         What is said below a level in a wrong unit.
     """
 
     folders: tuple[Path, ...] = ()
     units: dict[str, str | None] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
-    hint: str = ""
+    label_hint: str = ""
 
     def number(self, place: str, value: float | str, rule: Rule) -> float | None:
         """Turn a value, perhaps a text with a unit, into SI and check its range; None with a fault."""
@@ -284,7 +284,7 @@ class Maker:
             label = self._label(value, rule)
             if label is None:
                 what = one_line(fault).replace("standard_gravity", "g")
-                self.faults.append(f"{place}: {what}{self.hint * rule.label}")
+                self.faults.append(f"{place}: {what}{self.label_hint * rule.label}")
                 return None
             found = label
         wrong = rule.fault(found)

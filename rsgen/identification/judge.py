@@ -107,7 +107,7 @@ from rsgen.identification.soundness import (
     sign_findings,
     stopped_points,
 )
-from rsgen.identification.starting.start import with_phase
+from rsgen.identification.starting.start import with_phases
 from rsgen.identification.terms import alternatives_to, moves_with_mass
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
@@ -536,7 +536,7 @@ def _mode(table: Table, found: Fit) -> Table:
     """Subtract the background; phases that were not recorded are those that the fit predicts."""
     own = found.problem.observed.background
     shape = background_terms(own.kind, table.omega, table.force, own.band)
-    table = with_phase(table, found, shape.receptance(found.background))
+    table = with_phases(table, found, shape.receptance(found.background))
     return shape.subtract(table, found.background)
 
 

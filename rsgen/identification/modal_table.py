@@ -80,7 +80,7 @@ from rsgen.identification.modal_result import (
 )
 from rsgen.identification.results.alternatives import Agreement
 from rsgen.identification.results.estimates import error_of_mass, state_background
-from rsgen.identification.starting.start import start_fit, with_phase
+from rsgen.identification.starting.start import start_fit, with_phases
 from rsgen.law.motion import feeds_exciter
 from rsgen.law.numeric import compile_law
 
@@ -412,7 +412,7 @@ def _mode_points(points: Points, model: Model, response_held: bool) -> ModePoint
         error = Agreement.of(whole, points, whole.covariance, misfits=True).widen(whole).covariance
         first = found.mass, float(np.sqrt(error[len(found.values), len(found.values)])), whole.sigma
         receptance = observed.background.receptance(background)
-        mode = observed.background.subtract(with_phase(points, found, receptance), background)
+        mode = observed.background.subtract(with_phases(points, found, receptance), background)
     near = within_half_power(mode.force, mode.harmonics[:, 1])
     if np.count_nonzero(near) < MIN_POINTS:
         raise RsgenError(

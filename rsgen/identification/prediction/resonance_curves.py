@@ -323,21 +323,20 @@ def _findings(
 def _friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Quantity]:
     """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
 
-    Both are in the unit of the level: per mass where that is an acceleration. Friction Ff takes 4 Ff X a
-    period, the force gives at most pi F X: without stops it swings above 4 Ff/pi.
-    A little above that it stops in every period still, of which a balance of few harmonics misses a part:
-    then with the ``highest`` amplitude of the curve and that of the motion in time, where they differ.
+    Both are in the unit of the level. Friction Ff takes 4 Ff X a period, the force gives at most pi F X:
+    without stops it swings above 4 Ff/pi. A little above that it stops in every period still, of which a
+    balance of few harmonics misses a part: then with the ``highest`` amplitude of the curve and that of the
+    motion in time, where they differ.
     """
     if len(found.solution) != len(found.model.parameters):
         return {}
     law, rate = law_of(found.model.elements), 2 * np.pi * found.frequency_range[1] * found.amplitude_range[1]
-    friction = law.dry_friction(ROUND_OFF * rate, found.solution)
+    friction = law.dry_friction(ROUND_OFF * rate, found.solution) * (curve.level / curve.force)
     least = 4 / np.pi * friction
-    in_level = curve.level / curve.force
-    numbers = quantities(curve.level_unit, friction=friction * in_level, least=least * in_level)
+    numbers = quantities(curve.level_unit, friction=friction, least=least)
     if not len(curve.frequency):
-        return numbers if curve.force < least else {}
-    if curve.force >= MAX_FORCE_TO_FRICTION * friction:
+        return numbers if curve.level < least else {}
+    if curve.level >= MAX_FORCE_TO_FRICTION * friction:
         return {}
     at = int(np.nanargmax(curve.amplitude))
     frequency, highest = curve.frequency[at], float(curve.amplitude[at])

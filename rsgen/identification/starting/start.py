@@ -565,7 +565,7 @@ def _balance_at_amplitudes(
     return hold_amplitude(law, values, mass, omega, size, start, follow, samples)
 
 
-def with_phase(table: Table, found: Fit, receptance: ComplexArray) -> Table:
+def with_phases(table: Table, found: Fit, receptance: ComplexArray) -> Table:
     """Return a table with the phases that law and background (n,) [m/N] predict, if it has none."""
     if table.phase_known:
         return table
