@@ -324,9 +324,8 @@ def _friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Q
     """Return dry friction that holds the mass under the force of a curve, and the least force of a resonance.
 
     Both are in the unit of the level. Friction Ff takes 4 Ff X a period, the force gives at most pi F X:
-    without stops it swings above 4 Ff/pi. A little above that it stops in every period still, of which a
-    balance of few harmonics misses a part: then with the ``highest`` amplitude of the curve and that of the
-    motion in time, where they differ.
+    without stops it swings above 4 Ff/pi. A little above that it stops in every period still, which few
+    harmonics miss in part: with the ``highest`` amplitude of the curve and that in time, where they differ.
     """
     if len(found.solution) != len(found.model.parameters):
         return {}
