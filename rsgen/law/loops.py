@@ -206,8 +206,8 @@ class Loop:
 # and Willoughby, SIAM J. Numer. Anal. 7 (1970) 47). The error is O(h^2), as that of the shares of switches.
 # A loop counts only if it attracts its neighbours: states that begin at zero never reach another one.
 
-MIN_PERIOD_DECAY = 1e-9
-"""Smallest decay in a period of a state that forgets its initial value; others keep it, zero."""
+MIN_PERIOD_DECAY = 1e-5
+"""Smallest decay in a period of a state that forgets its initial value; others have no mean."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -263,22 +263,28 @@ class _Recurrence:
         for j in range(blocks):
             path[j + 1] = _product(inside[-1, j, :, columns:], path[j])
             path[j + 1, :, :columns] += inside[-1, j, :, :columns]
-        begin = _closing(path[-1, :, columns:], path[-1, :, :columns])
+        average = inside[:-1].mean(axis=0)
+        mean = _product(average[:, :, columns:], path[:-1])
+        mean[:, :, :columns] += average[:, :, :columns]
+        begin = _closing(path[-1], mean.mean(axis=0))
         starts = path[:-1, :, :columns] + _product(path[:-1, :, columns:], begin)
         solution = inside[:-1, :, :, :columns] + _product(inside[:-1, :, :, columns:], starts)
         return np.asarray(np.swapaxes(solution, 0, 1).reshape(right.shape))
 
 
-def _closing(gain: Array, ends: Array) -> Array:
-    """(q, k, n) initial value z with (1 - gain) z = ends; the smallest one where states do not decay."""
-    size = len(gain)
-    unit = np.eye(size)
-    lack = unit - np.moveaxis(gain, -1, 0)
-    bound = np.concatenate([lack, np.broadcast_to(MIN_PERIOD_DECAY * unit, lack.shape)], axis=1)
+def _closing(ends: Array, mean: Array) -> Array:
+    """(q, k, n) initial value z that a period repeats; that of the smallest mean where states do not decay.
+
+    ``ends`` and ``mean`` (q, k + q, n): after a period and over it, of each source from z = 0, then of each
+    unit of z.
+    """
+    size = len(ends)
+    ends, mean = np.moveaxis(ends, -1, 0), np.moveaxis(mean, -1, 0)
+    bound = np.concatenate([np.eye(size) - ends[:, :, -size:], MIN_PERIOD_DECAY * mean[:, :, -size:]], axis=1)
+    right = np.concatenate([ends[:, :, :-size], -MIN_PERIOD_DECAY * mean[:, :, :-size]], axis=1)
     good = np.isfinite(bound).all(axis=(1, 2))
-    right = np.moveaxis(ends, -1, 0)
-    begin = np.full(right.shape, np.nan)
-    begin[good] = np.linalg.pinv(bound[good])[:, :, :size] @ right[good]
+    begin = np.full((len(right), size, right.shape[2]), np.nan)
+    begin[good] = np.linalg.pinv(bound[good]) @ right[good]
     return np.moveaxis(begin, 0, -1)
 
 

@@ -112,6 +112,16 @@ def test_a_loop_that_does_not_close_is_no_number():
     assert np.isfinite(law.along(motion, np.array([1.0, 0.5]), 64).force).all()
 
 
+def test_a_state_that_hardly_forgets_where_it_began_has_no_mean():
+    """In small motions the power of Bouc and Wen's law takes 1e-11 of the state in a period."""
+    memory = {"z": "(v - (b*abs(v)*z + (1 - b)*v*abs(z))*abs(z)**(n - 1))/xs"}
+    law = compile_law(with_memory(parse("Fs*z"), memory))
+    values = law.ordered({"Fs": 1.0, "b": 0.6, "n": 8.0, "xs": 1.0})
+    motion = Motion(np.ones(2), np.array([[0.0, 0.03], [0.0, 0.1]], dtype=complex))
+    force = law.along(motion, values, 128).force
+    assert np.allclose(force, motion.waveforms(128)[0], rtol=0, atol=1e-3 * 0.1)
+
+
 @pytest.mark.parametrize("name", LAWS)
 def test_no_motion_has_no_force(name):
     """A fit whose loops close at no point asks for it."""
