@@ -13,6 +13,7 @@ from rsgen.identification.profile import Profile, _Likelihood, profile, with_pro
 from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.results.result import EquivalentCurve, Estimate
 from rsgen.report.page_tables import _estimate_cell, estimate_table
+from rsgen.report.sentences import sentence
 from tests.surfaces import codes
 from tests.virtual import fundamentals, simulated
 
@@ -181,9 +182,12 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     descend = least_squares.descend
     monkeypatch.setattr(least_squares, "descend", lambda *given: (*descend(*given)[:3], False))
     values = {"k": 5920.0, "c": 2.0, "k3": 2e6}
-    found = identify(simulated(CUBIC, values, [1.0, 4.0], (8.5, 12, 20), noise_relative=1e-2), "k*x + c*v")
+    test = simulated(CUBIC, values, [1.0, 4.0], (8.5, 12, 20), noise_relative=1e-2)
+    found = identify(test, "k*x + c*v + c3*v**3")
     assert "not-converged" in codes(found)
     assert found.outcome["identified"] == 0
+    assert "c3: it did not settle" in sentence(found["c3"].finding)
+    assert not found["c3"].finding.numbers
     for estimate in found:
         assert np.isfinite(estimate.value)
         assert estimate.interval == (-np.inf, np.inf)

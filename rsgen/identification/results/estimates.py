@@ -415,6 +415,9 @@ class _Reasons:
             return Finding("no-effect", "warning", name, {"value": Quantity(value, unit), **self.tested})
         error = float(np.sqrt(regression.covariance[i, i]))
         if np.isfinite(error) and not is_significant(value, error):
+            if not regression.converged:
+                # neither says anything where the steps ended
+                return Finding("not-distinct-from-zero", "warning", name)
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
             numbers |= self._share(name, abs(value) + interval_sigmas() * error)
             why = self._exponent(name) or self._without_width(name)
