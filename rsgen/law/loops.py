@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import CONVERGED_STEP, newton
+from rsgen.common.tolerances import MAX_STEP_HALVINGS
 from rsgen.formula.names import symbol
 from rsgen.law.memory import RESIDUAL_TOLERANCE, MemoryForm, defined_at_zero, real_powers
 from rsgen.law.normal_form import ForceSample, Perturbation, SwitchedSum, switched_sum
@@ -359,7 +360,8 @@ def periodic_states(
     count, samples = motion[0].shape
     loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values)
     begin = np.zeros((count, len(equations) * samples))
-    roots = newton(loops, begin, halvings=0)
+    # a whole step from rest may lead to where a power of the state is steep, and to a loop of the rule alone
+    roots = newton(loops, begin, halvings=2 * MAX_STEP_HALVINGS)
     recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
     # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
@@ -385,9 +387,16 @@ class _OpenLoops:
     interval: Array
     values: Sequence[Any] | Array
     steps_done: int = 0
+    last: tuple[Array, tuple[Array, _Recurrence]] | None = None
 
     def lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
         """(s, q, k) what each step from sample to sample lacks, and the rule linearised there."""
+        # a step that was tried is the place of the next one
+        if self.last is None or not np.array_equal(self.last[0], unknowns):
+            self.last = np.array(unknowns), self._lack(rows, unknowns)
+        return self.last[1]
+
+    def _lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
         x, v, a = (part[rows] for part in self.motion)
         values = [value if np.ndim(value) == 0 else value[rows] for value in self.values]
         step = self.interval[rows]

@@ -122,6 +122,18 @@ def test_a_state_that_hardly_forgets_where_it_began_has_no_mean():
     assert np.allclose(force, motion.waveforms(128)[0], rtol=0, atol=1e-3 * 0.1)
 
 
+@pytest.mark.parametrize("power", [4.0, 8.0, 20.0])
+def test_a_state_stays_within_its_bound(power):
+    """Where b is a half, z of Bouc and Wen's law goes from -1 to 1, however far it is moved."""
+    memory = {"z": "(v - (b*abs(v)*z + (1 - b)*v*abs(z))*abs(z)**(n - 1))/xs"}
+    law = compile_law(with_memory(parse("Fs*z"), memory))
+    values = law.ordered({"Fs": 1.0, "b": 0.5, "n": power, "xs": 1.0})
+    motion = Motion(np.ones(40), np.geomspace(0.05, 22.0, 40)[:, None] * np.array([[0.0, 1.0 + 0.0j]]))
+    for samples in (64, 128):
+        force = law.along(motion, values, samples).force
+        assert np.abs(force).max() < 1.01
+
+
 @pytest.mark.parametrize("name", LAWS)
 def test_no_motion_has_no_force(name):
     """A fit whose loops close at no point asks for it."""
