@@ -277,24 +277,22 @@ def test_a_point_near_a_fold_is_predicted_on_its_own_branch():
     assert np.abs(predicted) == pytest.approx(table.amplitude, rel=2e-3)
 
 
-def test_folds_lie_where_the_frequency_turns(quintic):
-    # along a curve the frequency is extreme at a fold: of cubics through the six points around it
-    off, along = [], np.arange(-2.0, 4.0)
-    for curve in quintic[1].curves:
-        flips = np.flatnonzero(np.diff(curve.stable.astype(int)))
-        assert len(flips) == len(curve.folds)
-        for at, (_, amplitude) in zip(flips, curve.folds[:, :2], strict=True):
-            rows = at + along.astype(int)
-            frequency, size = (
-                np.polynomial.Polynomial.fit(along, part[rows], 3)
-                for part in (curve.frequency, curve.amplitude)
-            )
-            turns = frequency.deriv().roots()
-            place = turns[np.argmin(np.abs(turns - 0.5))].real
-            off.append(abs(size(place) - amplitude) / abs(curve.amplitude[at + 1] - curve.amplitude[at]))
-    assert len(off) >= 4
-    # linear between two points, so that a tenth of their distance is much
-    assert max(off) < 0.1
+@pytest.mark.parametrize(("law", "levels"), [("quintic", [8.0, 14.0]), ("two-gaps", [6.0, 12.0])])
+def test_folds_lie_where_the_frequency_turns(law, levels):
+    # along a curve the frequency is extreme at a fold, also between its points
+    truth = Oscillator(1.5, LAWS[law][0], {**LAWS[law][1], "c": 2.0})
+    balance, folds = balance_of(as_identification(truth, levels)), 0
+    for curve in predict(truth, levels):
+        assert len(np.flatnonzero(np.diff(curve.stable.astype(int)))) == len(curve.folds)
+        for frequency, amplitude, _ in curve.folds:
+            reach = min(0.02 * amplitude, (curve.largest[1] - amplitude) / 2)
+            sizes = amplitude + np.linspace(-1, 1, 401) * reach
+            sides = [balance.frequencies(sizes, curve.force, side)[0] / (2 * np.pi) for side in (-1, 1)]
+            side = min(sides, key=lambda found: abs(found[200] - frequency))
+            turn = side[np.argmax(np.abs(side - side[[0, -1]].mean()))]
+            assert frequency == pytest.approx(turn, rel=1e-6)
+            folds += 1
+    assert folds >= 4
 
 
 @pytest.fixture(scope="module")
@@ -557,15 +555,17 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     assert led.landing == pytest.approx(own.amplitude[fell].max(), rel=0.02)
 
 
-def test_a_fold_at_a_corner_of_the_law_has_no_interval():
+def test_a_fold_next_to_a_corner_of_the_law_is_where_the_motion_jumps():
     known = as_identification(STOP, [1.0])
-    covariance = np.diag([(1e-3 * one.value) ** 2 for one in known.refined])
-    corner, smooth = predict(replace(known, covariance=covariance), [1.0], band=(15.0, 90.0))[1.0].jumps
-    assert np.isnan(corner.interval).all()
-    # the curve turns at 25.155 Hz, less than the points of the curve resolve
-    assert corner.in_words().startswith("25.2 (no interval: ")
-    assert "(no interval: " not in smooth.in_words()
-    assert smooth.interval[0] < smooth.frequency < smooth.interval[1]
+    off = np.array([0.01 * one.value if one.name == "g" else 0.0 for one in known.refined])
+    found = predict(replace(known, covariance=np.outer(off, off)), [1.0], band=(15.0, 90.0))
+    moved = [replace(STOP, values={**STOP.values, "g": STOP.values["g"] * by}) for by in (0.99, 1.01)]
+    low, high = (predict(one, [1.0], band=(15.0, 90.0))[1.0].jumps[0].frequency for one in moved)
+    corner = found[1.0].jumps[0]
+    # by 24 harmonics from 2048 samples a period; the points of the curve lie 0.4 Hz from each other
+    assert corner.frequency == pytest.approx(25.1552, rel=5e-5)
+    assert corner.interval[1] - corner.frequency == pytest.approx(1.96 * abs(high - low) / 2, rel=0.1)
+    assert corner.in_words().startswith(f"{corner.frequency:.4g}")
 
 
 def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reach():

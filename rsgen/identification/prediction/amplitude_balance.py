@@ -155,22 +155,18 @@ class AmplitudeBalance:
         x, _, _ = Motion(omega, self.solve(size, omega).harmonics).waveforms(self._samples)
         return float(x.min()), float(x.max())
 
-    def frequency_spread(
-        self, level: float, spread: Array, size: Array, omega: Array, start: ComplexArray
-    ) -> Array:
-        """Return the half width (n,) of the 95 % band [rad/s] of the frequency of a fold at X (n,) [m].
+    def frequency_spread(self, spread: Array, size: Array, omega: Array, start: ComplexArray) -> Array:
+        """Return the half width (n,) of the 95 % band [rad/s] of the frequency of folds at X (n,) [m].
 
-        d|F|/dX = 0 there, so that |F|_omega d omega + |F|_p dp = 0 at the force of the level. NaN where the
-        band is too wide, or a corner moves the fold by over a tenth of the ``spread`` (n,) of the force [N].
+        d|F|/dX = 0 there, so that |F|_omega d omega + |F|_p dp = 0, with the ``spread`` (n,) of the force
+        [N] for the second. NaN where the band is too wide.
         """
         if not len(size):
             return size
         step = 100 * _FREQUENCY_TOLERANCE * omega
-        low, at, high = (np.abs(self.solve(size, omega + by, start).force) for by in (-step, 0, step))
+        low, high = (np.abs(self.solve(size, omega + by, start).force) for by in (-step, step))
         half = spread / np.maximum(np.abs(high - low) / (2 * step), 1e-300)
-        widest = np.minimum(MAX_LINEAR_CHANGE * omega, np.ptp(omega) or np.inf)
-        known = (half <= widest) & ((10 * np.abs(at - level) <= spread) | (spread == 0))
-        return np.where(known, half, np.nan)
+        return np.where(half <= np.minimum(MAX_LINEAR_CHANGE * omega, np.ptp(omega) or np.inf), half, np.nan)
 
     def multiplier(self, at: Response, omega: Array) -> ComplexArray:
         """Return ``decisive_multiplier`` (n,); NaN with memory, and with jumps, where disturbances jump."""

@@ -67,7 +67,7 @@ class Jump(NamedTuple):
         error = (high - low) / (2 * interval_sigmas())
         digits = with_error(self.frequency, error) if error > 0 else 3 if np.isnan(error) else 5
         band = f" ({low:.{digits}g} to {high:.{digits}g}{unit})" if error > 0 else ""
-        band += " (no interval: too wide, or near a corner of the law)" if np.isnan(error) else ""
+        band += " (no interval: too wide)" if np.isnan(error) else ""
         to = f" (to {quantity_text(self.landing, 'm', 4)})" if isfinite(self.landing) else ""
         return f"{self.frequency:.{digits}g}{unit}{band} {sweep}{self.sweep}{to}"
 

@@ -67,6 +67,7 @@ from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION
 
 _BRANCH_POINTS = 161
+"""Sizes of a side of a curve, and of the refinement of a fold."""
 
 _MAX_GAP_AT_PEAK = 0.3
 """Distance in frequency of both sides at the end of a branch, relative to that at half power: a peak that is
@@ -180,10 +181,8 @@ def predict(
     if curves and surface is not None and surface.base in ("displacement", "velocity"):
         findings.append(Finding("curves-of-constant-acceleration", "info", names={"base": surface.base}))
     findings = [*_along(found), *_findings(found, balance, tested, curves, held_out, fitted), *findings]
-    findings += levels_meant(found, curves, surface, held_out)
-    findings += records.findings
-    shown = band and window
-    return Prediction(curves, held_out, tuple(findings), records.records, shown, fitted, observed)
+    findings += [*levels_meant(found, curves, surface, held_out), *records.findings]
+    return Prediction(curves, held_out, tuple(findings), records.records, band and window, fitted, observed)
 
 
 def _resonance_band(
@@ -223,21 +222,12 @@ def predict_records(found: MultisineIdentification) -> Prediction:
 
 
 def predict_held_out(found: Identification, surface: ResponseSurface) -> Prediction:
-    """Predict the held-out levels, and compare each with its test; state those that were asked for.
-
-    Parameters
-    ----------
-    found
-        Its refined estimate is used.
-    surface
-        The test that was identified, held-out levels included.
-    """
+    """Compare the held-out levels of the test that was identified with it; state those asked for."""
     meant = (*held_by_label(found, surface), *_asked_for(found, surface))
     if not (found.model.observation.hold_out and isfinite(found.mass)):
         return Prediction((), (), meant)
     surface = within(surface.on_mass(found.mass), found.model.observation.band)
-    held = surface.held_out(found.model.observation.hold_out)
-    held_out = _score(found, balance_of(found), surface, held)
+    held_out = _score(found, balance_of(found), surface, surface.held_out(found.model.observation.hold_out))
     return Prediction((), held_out, (*meant, *missing_findings(held_out), *missed_findings(held_out)))
 
 
@@ -365,8 +355,7 @@ def _compare_peaks(
     peak, top = int(np.nanargmax(curve.amplitude)), int(np.argmax(run.amplitude))
     at, height = float(curve.frequency[peak]), float(curve.amplitude[peak])
     measured, frequency = float(run.amplitude[top]), run.omega / (2 * np.pi)
-    rises = curve.rises_at_end
-    if rises:
+    if rises := curve.rises_at_end:
         omega, size = balance.peak(curve.level, (2 * np.pi * frequency.min(), 2 * np.pi * frequency.max()))
         if rises := not (len(omega) and np.isfinite(omega).all()):
             numbers |= {"sought": Quantity(float(size[0]) if len(size) else height, "m")}
@@ -411,13 +400,10 @@ def _curve(
         spread = band / np.maximum(np.abs(gain), 1e-300)
         spread[spread > MAX_LINEAR_CHANGE * size] = np.nan
         seen, lag = _at_sensor(identification, omega, size, at.force)
-        turn = np.flatnonzero(gain[:-1] * gain[1:] < 0)
-        share = gain[turn] / (gain[turn] - gain[turn + 1])
-        folded, height, inner, across = (
-            value[turn] + share * (value[turn + 1] - value[turn]) for value in (omega, seen, size, band)
-        )
-        half = balance.frequency_spread(force, across, inner, folded, at.harmonics[turn])
-        folds += np.stack([folded / (2 * np.pi), height, half / (2 * np.pi)], axis=1).tolist()
+        slope = np.diff(omega)
+        turn = np.flatnonzero(slope[:-1] * slope[1:] < 0) + 1
+        half = balance.frequency_spread(band[turn], size[turn], omega[turn], at.harmonics[turn])
+        folds += np.stack([omega[turn] / (2 * np.pi), seen[turn], half / (2 * np.pi)], axis=1).tolist()
         real = (omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size)
         # a point without numbers separates the parts
         columns += [np.full((8, 1), np.nan + 0j), np.array([*real, balance.multiplier(at, omega)])]
@@ -447,11 +433,9 @@ def _curve(
     )
 
 
-def _at_sensor(
-    identification: Identification, omega: Array, size: Array, force: ComplexArray
-) -> tuple[Array, Array]:
+def _at_sensor(found: Identification, omega: Array, size: Array, force: ComplexArray) -> tuple[Array, Array]:
     """Return amplitude and lag of the response at the sensor, background included."""
-    background = identification.background
+    background = found.background
     if background is None:
         return size, np.angle(force) % (2 * np.pi)
     shape, values = background.shape(omega, np.abs(force)), background.values
@@ -462,37 +446,53 @@ def _at_sensor(
 def _branches(
     balance: AmplitudeBalance, level: float, span: tuple[float, float], window: tuple[float, float]
 ) -> list[tuple[Array, Array, ComplexArray]]:
-    """Return omega, X and harmonics of a curve between two amplitudes: up on the left, down on the
-    right.
+    """Return omega, X and harmonics of a curve between amplitudes: up on the left, down on the right.
 
     Both sides meet at a peak; at the end of a modal table they do not.
     """
     blend = (1 - np.cos(np.linspace(0, np.pi, _BRANCH_POINTS))) / 2
     sizes = span[0] + (span[1] - span[0]) * blend
-    (left, start), (right, end) = (balance.frequencies(sizes, level, side) for side in (-1, 1))
+    (up, left, start), (down, right, end) = (_side(balance, level, sizes, side) for side in (-1, 1))
     omega, harmonics = np.concatenate([left, right[::-1]]), np.concatenate([start, end[::-1]])
     # a frequency that is not found leaves no end: its neighbours are joined
     known = np.isfinite(omega)
-    omega, harmonics, size = omega[known], harmonics[known], np.concatenate([sizes, sizes[::-1]])[known]
+    omega, harmonics, size = omega[known], harmonics[known], np.concatenate([up, down[::-1]])[known]
     inside = (omega >= window[0]) & (omega <= window[1])
     cut = np.flatnonzero(np.diff(inside.astype(int)) != 0) + 1
-    distance = np.abs(right - left)
-    if distance[-1] > _MAX_GAP_AT_PEAK * distance[np.searchsorted(sizes, HALF_POWER * sizes[-1])]:
+    left_half, right_half = (np.interp(HALF_POWER * span[1], *of) for of in ((up, left), (down, right)))
+    if abs(right[-1] - left[-1]) > _MAX_GAP_AT_PEAK * abs(right_half - left_half):
         cut = np.union1d(cut, [np.count_nonzero(known[: len(left)])])
     pieces = [rows for rows in np.split(np.arange(len(omega)), cut) if len(rows) > 1 and inside[rows[0]]]
     return [(omega[rows], size[rows], harmonics[rows]) for rows in pieces]
 
 
-def _respond(
-    identification: Identification, balance: AmplitudeBalance, surface: ResponseSurface
-) -> ComplexArray:
+def _side(
+    balance: AmplitudeBalance, level: float, sizes: Array, side: int
+) -> tuple[Array, Array, ComplexArray]:
+    """Return X, omega and harmonics of a side of a curve: at sizes (n,) [m], and at the folds between them.
+
+    A fold is an extremum of omega over X. Next to a corner of the law it is sharp, and coarse sizes miss it.
+    """
+    columns = [(sizes, *balance.frequencies(sizes, level, side))]
+    slope = np.diff(columns[0][1])
+    for turn in np.flatnonzero(slope[:-1] * slope[1:] < 0) + 1:
+        near = np.linspace(sizes[turn - 1], sizes[turn + 1], _BRANCH_POINTS)
+        omega, harmonics = balance.frequencies(near, level, side)
+        fold = [np.nanargmax(slope[turn - 1] * omega)]
+        columns.append((near[fold], omega[fold], harmonics[fold]))
+    sizes, omega, harmonics = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    _, order = np.unique(sizes, return_index=True)
+    return sizes[order], omega[order], harmonics[order]
+
+
+def _respond(found: Identification, balance: AmplitudeBalance, surface: ResponseSurface) -> ComplexArray:
     """Return the predicted fundamental (n,) [m] at the sensor, on the branch nearest to the measured one."""
-    background = identification.background
+    background = found.background
     if background is None:
         return balance.respond(surface)
     shape, values = background.shape(surface.omega, surface.force), background.values
     mode = shape.subtract(surface, values)
-    if surface.across.size and (sensors := identification.model.sensors):
+    if surface.across.size and (sensors := found.model.sensors):
         across = across_of_mode(surface.harmonics, surface.across, mode.harmonics, sensors)
         mode = replace(mode, across=across)
     return balance.respond(mode) + shape.receptance(values) * mode.force
