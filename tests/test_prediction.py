@@ -540,6 +540,24 @@ def test_jumps_and_the_largest_amplitude_have_the_intervals_that_the_values_give
     assert f"{said['low']:.5g} to {said['high']:.5g}" in str(prediction)
 
 
+def largest_of_slow_sweep(curve, jump, values):
+    """Integrate the cubic spring through a jump, from 0.2 % before to 0.3 % beyond it in 2000 periods."""
+    sense = 1 if jump.sweep == "up" else -1
+    low = jump.frequency * (1 - 0.002 * sense)
+    near = np.where(curve.stable & (curve.amplitude < jump.amplitude), np.abs(curve.frequency - low), np.inf)
+    at, pace = int(np.argmin(near)), sense * 0.005 * jump.frequency**2 / 2000
+    start = curve.amplitude[at] * np.exp(-1j * curve.phase[at])
+
+    def slope(t, y):
+        force = curve.force * np.cos(2 * np.pi * (curve.frequency[at] * t + pace * t * t / 2))
+        return y[1], (force - values["k"] * y[0] - values["k3"] * y[0] ** 3 - values["c"] * y[1]) / 1.5
+
+    begin = [start.real, (2j * np.pi * curve.frequency[at] * start).real]
+    span = np.linspace(0, 2000 / jump.frequency, 100_001)
+    motion = solve_ivp(slope, (0, span[-1]), begin, method="DOP853", rtol=1e-6, atol=1e-9, t_eval=span)
+    return np.abs(motion.y[0]).max()
+
+
 @pytest.mark.parametrize(("way", "reaches"), [("up", False), ("down", True)])
 def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, reaches):
     soft = CUBIC, {"k": 6000.0, "k3": -2e7, "c": 1.0}
@@ -552,6 +570,10 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     fell = own.frequency < 9.758 if reaches else own.frequency > 9.902
     curve = predict(found, [0.3])[0.3]
     (led,) = (jump for jump in curve.jumps if jump.sweep == way)
+    assert f"sweep {way} (to " in said.names["jumps"]
+    assert "however slow the sweep" in sentence(said)
+    rising = next(jump for jump in curve.jumps if jump.landing > jump.amplitude)
+    assert said["swing"] == pytest.approx(largest_of_slow_sweep(curve, rising, soft[1]), rel=0.01)
     assert led.landing == pytest.approx(own.amplitude[fell].max(), rel=0.02)
 
 

@@ -175,7 +175,7 @@ def each(call, *rows):
     (lambda s, f: rs.derive(["k*x"]), "law: .*; must be "),
     (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
     (lambda s, f: rs.predict(s, levels=[1]), "must be Identification or ModalTable or Oscillator"),
-    (lambda s, f: rs.predict(f, levels=[]), "levels: none given"),
+    (lambda s, f: rs.predict(f, levels=[]), "levels: must be one or more"),
     (lambda s, f: rs.Oscillator(1, LAW, TRUE | {"k": "5 kN/m"}), "values.k: '5 kN/m'"),
     (lambda s, f: rs.simulate(rs.SimulatedTest([1], [9]), f.oscillator), "oscillator: Sim"),
     (lambda s, f: rs.save_surface(s, "a.h5"), "surface: str"),

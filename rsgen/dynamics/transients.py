@@ -13,7 +13,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log, pi
+from math import log, nan, pi
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -22,6 +22,7 @@ import sympy
 from rsgen.common.arrays import Array
 from rsgen.common.declaration import Rule, check, declare, documented
 from rsgen.common.errors import RsgenError
+from rsgen.common.tolerances import BRANCH_DISTANCE, RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data import history
 from rsgen.data.oscillator import Oscillator
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -116,6 +117,42 @@ class HistoryTest(VirtualTest):
         return np.asarray(clean + self.noise_relative * np.abs(clean).max(axis=0) * noise)
 
 
+def largest_after_jump(
+    oscillator: Oscillator, force: float, fold: float, way: str, start: complex, landing: float
+) -> float:
+    """Return the largest |displacement| [m] between leaving a branch at its fold and settling on another.
+
+    It is left at a frequency a two-thousandth beyond the fold, slowly, as in a slow sweep. NaN where the
+    motion does not come to the other branch and repeat within 4096 periods, and of laws with memory.
+
+    Parameters
+    ----------
+    oscillator, force
+        Under f(t) = F cos(omega t), F in [N].
+    fold, way
+        Frequency [Hz], and the sweep, "up" or "down", that leaves the branch there.
+    start, landing
+        Complex fundamental X_1 [m] at the fold, and |X_1| [m] once settled.
+    """
+    kernel = compile_kernel(oscillator.force, values=oscillator.values)
+    if kernel.rows.count > 2:
+        return nan
+    state, largest = np.array([[start.real], [-start.imag]]), 0.0
+    drive, omega = np.array([[force, 0.0]]), 2 * pi * fold * np.array([1.0005 if way == "up" else 0.9995])
+    values = np.array([oscillator.values[name] for name in kernel.parameters])
+    for _ in range(4096):
+        point, before = np.zeros(1, dtype=np.intp), state
+        moved = kernel.integrate(
+            point, before, drive, omega, oscillator.mass, values, steps=8 * _STEPS, periods=1, harmonics=1
+        )
+        state, size = moved.state, abs(moved.harmonics[0, 1])
+        largest = max(largest, float(np.abs(moved.peak).max()))
+        repeats = np.abs(state - before).max() < RELATIVE_CHANGE_NEGLIGIBLE / 10 * size
+        if repeats and abs(size / landing - 1) < BRANCH_DISTANCE:
+            return largest
+    return nan
+
+
 @documented
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SweepTest(HistoryTest):
@@ -135,7 +172,7 @@ class SweepTest(HistoryTest):
     )
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "level", level_grid(self.level, "level", "N"))
+        object.__setattr__(self, "level", level_grid(self.level, "test.level", "N"))
         object.__setattr__(self, "band", tuple(map(float, self.band)))
         check(self)
 
@@ -200,7 +237,7 @@ class DecayTest(HistoryTest):
     ]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "level", level_grid(self.level, "level", "m"))
+        object.__setattr__(self, "level", level_grid(self.level, "test.level", "m"))
         check(self)
 
     @property

@@ -36,17 +36,17 @@ from rsgen.law.numeric import compile_law
 
 
 def level_grid(values: ArrayLike, name: str, unit: str) -> Array:
-    """Check the values of a grid: one or more, positive, each once."""
+    """Check values that are asked for: one or more, positive, each once."""
     try:
         array = np.array(values, dtype=np.float64, ndmin=1)
     except (TypeError, ValueError):
-        raise RsgenError(f"test.{name}: {values!r:.60}; must be numbers [{unit}]") from None
+        raise RsgenError(f"{name}: {values!r:.60}; must be numbers [{unit}]") from None
     if array.ndim != 1 or not array.size:
-        raise RsgenError(f"test.{name}: must be one or more values in {unit}")
+        raise RsgenError(f"{name}: must be one or more values in {unit}")
     if not np.all(np.isfinite(array) & (array > 0)):
-        raise RsgenError(f"test.{name}: must be positive and finite everywhere [{unit}]")
+        raise RsgenError(f"{name}: must be positive and finite everywhere [{unit}]")
     if len(set(array.tolist())) != len(array):
-        raise RsgenError(f"test.{name}: a value occurs more than once; every value must be unique")
+        raise RsgenError(f"{name}: a value occurs more than once; every value must be unique")
     array.flags.writeable = False
     return array
 
@@ -162,8 +162,8 @@ class SimulatedTest(VirtualTest):
 
     def __post_init__(self) -> None:
         unit = self.level_unit
-        object.__setattr__(self, "level", level_grid(self.level, "level", unit))
-        object.__setattr__(self, "frequency", level_grid(self.frequency, "frequency", "Hz"))
+        object.__setattr__(self, "level", level_grid(self.level, "test.level", unit))
+        object.__setattr__(self, "frequency", level_grid(self.frequency, "test.frequency", "Hz"))
         check(self)
 
     def faults(self) -> Iterator[tuple[str, str]]:
@@ -369,7 +369,7 @@ class MultisineTest(VirtualTest):
     base: _Base = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "level", level_grid(self.level, "level", self.level_unit))
+        object.__setattr__(self, "level", level_grid(self.level, "test.level", self.level_unit))
         object.__setattr__(self, "band", tuple(map(float, self.band)))
         check(self)
 

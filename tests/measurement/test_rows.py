@@ -11,7 +11,7 @@ from rsgen import sentence
 from rsgen.data.surface.mode_findings import row_findings
 from rsgen.files.column_titles import is_angular, unit_in
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.plan import HERTZ, LevelRule
+from rsgen.files.plan import HERTZ, Layout, LevelRule
 from rsgen.files.signals import Channel
 from rsgen.report.sentences import next_step
 from tests.measurement.tables import doubts, planned, read_planned

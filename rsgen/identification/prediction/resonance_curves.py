@@ -38,6 +38,8 @@ from rsgen.data.surface.response_surface import (
     within,
 )
 from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen.dynamics.transients import largest_after_jump
+from rsgen.dynamics.virtual_test import level_grid
 from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
@@ -132,7 +134,7 @@ def predict(
         records = replace(records, findings=(sine, *records.findings))
     if surface is not None:
         require(surface, ResponseSurface, "surface")
-    asked = None if levels is None else _levels(levels)
+    asked = None if levels is None else level_grid(levels, "levels", "N or m/s^2").tolist()
     table, mass, oscillator = None, found.mass, isinstance(found, Oscillator)
     if isinstance(found, Oscillator):
         if asked is None:
@@ -236,20 +238,6 @@ def _force_per_level(found: Identification) -> float:
     return found.mass if found.curve.base and np.isfinite(found.curve.units.kilogram) else 1.0
 
 
-def _levels(levels: float | Sequence[float]) -> list[float]:
-    """Check levels that are asked for."""
-    try:
-        chosen: list[float] = np.ravel(np.asarray(levels, dtype=np.float64)).tolist()
-    except (TypeError, ValueError):
-        raise RsgenError(f"levels: {levels!r:.60}; must be numbers") from None
-    if not chosen:
-        raise RsgenError("levels: none given; leave them out for those of the test")
-    for level in chosen:
-        if not (isfinite(level) and level > 0):
-            raise RsgenError(f"levels: {level!r}; a level must be positive and finite")
-    return chosen
-
-
 def _check_band(band: tuple[float, float]) -> tuple[float, float]:
     low, high = map(float, band)
     if not 0 < low < high < inf:
@@ -330,8 +318,7 @@ def _friction_under(found: Identification, curve: ResonanceCurve) -> dict[str, Q
     at = int(np.nanargmax(curve.amplitude))
     frequency, highest = curve.frequency[at], float(curve.amplitude[at])
     place = highest * np.exp(-1j * curve.phase[at]) * np.array([[1, 2j * np.pi * frequency]])
-    oscillator = Oscillator(found.mass, found.model.elements, law.named(found.solution))
-    states = solve_steady_states(oscillator, curve.force, frequency, harmonics=1, start=place.real)
+    states = solve_steady_states(found.oscillator, curve.force, frequency, harmonics=1, start=place.real)
     exact = float(np.abs(states.harmonics[0, 1]))
     if not states.settled[0] or abs(exact / highest - 1) < RELATIVE_CHANGE_NEGLIGIBLE:
         return {}
@@ -567,10 +554,24 @@ def _asked_for(found: Identification, test: ResponseSurface | MultisineSpectra) 
     band = (0.0, inf) if getattr(test, "decays", False) else found.frequency_range
     one_force = test if isinstance(test, ResponseSurface) else None
     sweeps = () if one_force is None or one_force.response_held else np.unique(one_force.sweep).tolist()
-    predicted = predict(found, asked)
-    said = [largest_of_curve(curve, test.base, band, sweeps) for curve in predicted]
+    predicted = predict(found, sorted({*asked}))
+    said = [_with_swing(found, one, largest_of_curve(one, test.base, band, sweeps)) for one in predicted]
     said += [one for one in predicted.findings if "friction" in one.numbers]
     return said + levels_meant(found, predicted.curves, one_force)
+
+
+def _with_swing(found: Identification, curve: ResonanceCurve, said: Finding) -> Finding:
+    """Add the largest |displacement| [m] after a jump to a larger motion, where it is known."""
+    far = [nan]
+    for jump in curve.jumps if found.background is None else ():
+        if jump.landing > jump.amplitude:
+            at = np.flatnonzero((curve.frequency == jump.frequency) & (curve.amplitude == jump.amplitude))[0]
+            start, way = jump.amplitude * np.exp(-1j * curve.phase[at]), (jump.frequency, jump.sweep)
+            far.append(largest_after_jump(found.oscillator, curve.force, *way, start, jump.landing))
+    swing = float(np.fmax.reduce(far))
+    return (
+        replace(said, numbers={**said.numbers, **quantities("m", swing=swing)}) if isfinite(swing) else said
+    )
 
 
 def shown_levels(
