@@ -75,7 +75,7 @@ def test_forces_that_fall_at_the_resonance_or_are_near_their_levels_are_as_they_
         assert said_of(fundamentals(surface, force=force, level=level)) == []
 
 
-@pytest.mark.parametrize("pair", [(0, 1), (0, -1), (1, -1)])
+@pytest.mark.parametrize("pair", [(0, 1), (0, -1), (1, -1), (2, -1)])
 def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
     surface = cubic_surface(levels=4, frequencies=31)
     one, other = (surface.level == surface.levels[place] for place in pair)
@@ -87,13 +87,23 @@ def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
     assert found["pushed"] * found["moved"] == pytest.approx(1, rel=0.3)
 
 
-@pytest.mark.parametrize("levels", [2, 4])
-def test_one_level_in_another_unit_is_not_called_exchanged(levels):
+@pytest.mark.parametrize(("moving", "named"), [(0, [1.0, 12.0, 0]), (1, [14 / 3, 12.0, 0]), (3, [])])
+def test_a_level_at_rest_above_one_that_moves_has_the_response_of_another_one(moving, named):
+    """Points at rest are not fitted: a law fitted the one level left, all values 0.1 times the true ones."""
+    surface = cubic_surface(levels=4, frequencies=31)
+    moves = surface.level == surface.levels[moving]
+    found = [*level_findings(replace(surface, harmonics=surface.harmonics * moves[:, None]))]
+    assert [(one.code, dict(one.names)) for one in found] == [("levels-swapped", {})] * bool(named)
+    assert [one[name] for one in found for name in ("low", "high", "moved")] == pytest.approx(named)
+
+
+@pytest.mark.parametrize(("levels", "place"), [(2, 0), (4, 0), (4, 2)])
+def test_one_level_in_another_unit_is_not_called_exchanged(levels, place):
     surface = cubic_surface(levels=levels, frequencies=31)
-    response = np.where(surface.level == surface.levels[0], 1e3, 1.0) * surface.harmonics[:, 1]
+    level = surface.levels[place]
+    response = np.where(surface.level == level, 1e3, 1.0) * surface.harmonics[:, 1]
     (found,) = level_findings(fundamentals(surface, response))
-    said = (found.code, found["level"], found.names["near"])
-    assert said == ("levels-disagree", surface.levels[0], "milli")
+    assert (found.code, found["level"], found.names["near"]) == ("levels-disagree", level, "milli")
     assert found["gain"] == pytest.approx(1e3, rel=0.01)
 
 

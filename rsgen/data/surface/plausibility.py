@@ -23,7 +23,12 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, Severity, quantities
-from rsgen.common.tolerances import MIN_MISFIT_REDUCTION, MISFIT_EXPLAINED, RELATIVE_CHANGE_NEGLIGIBLE
+from rsgen.common.tolerances import (
+    MIN_MISFIT_REDUCTION,
+    MISFIT_EXPLAINED,
+    RELATIVE_CHANGE_NEGLIGIBLE,
+    ROUND_OFF,
+)
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import (
     DERIVATIVE,
@@ -150,10 +155,10 @@ class Sizes:
         )
 
 
-def usable_points(surface: ResponseSurface) -> NDArray[np.intp]:
-    """Return the settled points with a force and a response to it."""
+def usable_points(surface: ResponseSurface, *, at_rest: bool = False) -> NDArray[np.intp]:
+    """Return the settled points with a force and a response to it, or also those that do not move."""
     good = surface.settled & np.isfinite(surface.harmonics[:, 1]) & np.isfinite(surface.force)
-    return np.flatnonzero(good & (surface.amplitude > 0) & (np.abs(surface.force) > 0))
+    return np.flatnonzero(good & ((surface.amplitude > 0) | at_rest) & (np.abs(surface.force) > 0))
 
 
 def plausibility_findings(
@@ -233,7 +238,9 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     if 1 < len(levels) == len(rows) and (by_force or close):
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
     if by_force and not any(one.names.get("rows") == "columns" for one in surface.findings):
-        sizes = np.abs(surface.force[rows]), surface.amplitude[rows]
+        rows = usable_points(surface, at_rest=True)
+        size = surface.amplitude[rows]
+        sizes = np.abs(surface.force[rows]), np.where(size > ROUND_OFF * size.max(), size, 0.0)
         yield from responses_of_others(surface.level[rows], surface.frequency[rows], *sizes, COMMON_FACTORS)
 
 
