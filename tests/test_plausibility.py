@@ -1,6 +1,7 @@
 """Sizes that a test cannot have and responses of another quantity are found; real tests are left alone."""
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,22 @@ def test_a_level_at_rest_above_one_that_moves_has_the_response_of_another_one(mo
     found = [*level_findings(replace(surface, harmonics=surface.harmonics * moves[:, None]))]
     assert [(one.code, dict(one.names)) for one in found] == [("levels-swapped", {})] * bool(named)
     assert [one[name] for one in found for name in ("low", "high", "moved")] == pytest.approx(named)
+
+
+@pytest.mark.parametrize("wrong", ["shuffled", "noise", "transposed"])
+def test_what_no_law_can_follow_is_not_refined_until_it_settles(monkeypatch, wrong):
+    """Steps that creep took 4 s to a minute; a start far from a law that fits is no reason to stop."""
+    surface = cubic_surface(levels=4, frequencies=31)
+    response, noise = surface.harmonics[:, 1], RANDOM.standard_normal((2, len(surface)))
+    other = {"shuffled": RANDOM.permutation(response), "noise": 1e-3 * (noise[0] + 1j * noise[1])}
+    other["transposed"] = response.reshape(4, 31).T.ravel()
+    refined = list[str]()
+    module = import_module("rsgen.identification.identify")
+    monkeypatch.setattr(module, "fit_all_harmonics", lambda *_: refined.append(""))
+    assert rsgen.identify(fundamentals(surface, other[wrong]), LAW).verdict.state == "rejected"
+    with pytest.raises(AttributeError):
+        rsgen.identify(surface, LAW)
+    assert refined == [""]
 
 
 @pytest.mark.parametrize(("levels", "place"), [(2, 0), (4, 0), (4, 2)])

@@ -43,7 +43,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.record_set import with_label
-from rsgen.data.surface.mode_findings import row_findings
+from rsgen.data.surface.mode_findings import is_beyond_any_law, row_findings
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
 from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
@@ -85,7 +85,7 @@ _ACCURACIES = (1e-5, 1e-8)
 the finer serves where the misfit turns out to be as small."""
 
 _STEPS_IF_MISREAD = 5
-"""Steps of the fit where a misreading of the channels explains the test better than any law."""
+"""Steps of the fit where no law explains the test, or a misreading of the channels does so better."""
 
 _RESOLVED = 100.0
 """A misfit this many times the simulator's accuracy is not the simulator's."""
@@ -340,6 +340,15 @@ def checked(surface: ResponseSurface) -> ResponseSurface:
     return replace(surface, findings=(*surface.findings, *rows)) if rows else surface
 
 
+def _is_beyond_any_law(problem: Problem) -> bool:
+    """Return True if no law of one motion explains the points: a background or a second motion may."""
+    observed, law = problem.observed, problem.law
+    points = observed.points
+    if law.acts_across or not points.phase_known or observed.background.kind != "none":
+        return False
+    return is_beyond_any_law(points.force, points.harmonics[:, 1], points.omega)
+
+
 def _identify(surface: ResponseSurface, model: Model, attained: float, most: int) -> Identification:
     test = prepare(surface, model)
     points = test.problem.observed.points
@@ -353,9 +362,10 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
         problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))
     # where no law fits refining one has no end
     coarse = partial(fit_balance, order=BALANCE_HARMONICS, steps=_STEPS_IF_MISREAD)
-    fit = coarse(problem, start) if is_misread(surface) else fit_all_harmonics(problem, start, attained)
+    hopeless = is_misread(surface) or _is_beyond_any_law(problem)
+    fit = coarse(problem, start) if hopeless else fit_all_harmonics(problem, start, attained)
     late = fit.passed_late
-    if late.any():
+    if late.any() and not hopeless:
         fit = fit_all_harmonics(problem.select(np.flatnonzero(~late)), fit.regression.parameters, attained)
         findings.append(left_out("symmetry", problem.observed.points, late, surface.level_unit))
     found = judge(replace(test, problem=fit.problem), model, fit)

@@ -89,6 +89,15 @@ def _typical_misfit(force: ComplexArray, motion: Kinematics, mass: float = nan) 
     return float(np.median(np.abs(found.left))), all(found.passive)
 
 
+def is_beyond_any_law(force: ComplexArray, response: ComplexArray, omega: Array) -> bool:
+    """Return True if no mass and curves k(X), c(X) leave less than half of the force (n,) at most points.
+
+    Right tests of every law, with noise up to 3 %, leave at most a tenth; noise or rows in disorder 0.8.
+    """
+    misfit, _ = _typical_misfit(*steady(force, response, omega))
+    return len(force) >= _MIN_POINTS and misfit > 1 - MIN_MISFIT_REDUCTION
+
+
 def _swapped(
     force: ComplexArray, response: ComplexArray, omega: Array, level: Array, floor: float
 ) -> list[Finding]:
