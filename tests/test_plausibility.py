@@ -206,6 +206,10 @@ def test_a_response_of_another_quantity_is_recognised(mistake, noise):
     assert list(quantity_findings(noisy)) == []
     (finding,) = quantity_findings(fundamentals(surface, tampered(noisy, mistake)))
     assert (finding.severity, finding.names["is"], finding.names["sure"]) == ("doubt", mistake, "yes")
+    assert "sense" not in finding.names
+    if mistake != "per-force":
+        (turned,) = quantity_findings(fundamentals(surface, np.conj(tampered(noisy, mistake))))
+        assert (turned.names["is"], turned.names["sense"]) == (mistake, "other")
 
 
 @pytest.mark.slow

@@ -47,6 +47,7 @@ other quantities leave 0.98 or more."""
 _MAX_MISFIT_RATIO_IMPASSIVE = 1.1
 """The same where m, k or c of the other reading is negative: it is wrong, and an equal misfit is enough."""
 
+_OTHER_SENSE = ", conjugated"
 _MAX_POWERS = 4
 _MIN_POINTS_PER_COEFFICIENT = 3
 _MIN_RELATIVE_SIZE = 1e-6
@@ -288,13 +289,15 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
         (-2, -1, 1, 2) if as_read is None else (order - as_read for order in range(3) if order != as_read)
     )
     others: dict[str, ComplexArray] = {}
-    for order in orders:
-        name = f"{order:+d}" if as_read is None else tuple(QUANTITIES)[as_read + order]
-        others[name] = response / (1j * omega) ** order
     phase = np.degrees(np.angle(response / force))
-    if np.max(np.abs(phase)) < 2 * np.pi:
-        # numbers that are radians
-        others["radian"] = force * np.abs(response / force) * np.exp(1j * phase)
+    for sense, turned in {"": response, _OTHER_SENSE: force * np.conj(response / force)}.items():
+        for order in orders:
+            name = f"{order:+d}" if as_read is None else tuple(QUANTITIES)[as_read + order]
+            others[name + sense] = turned / (1j * omega) ** order
+        if np.max(np.abs(phase)) < 2 * np.pi:
+            # numbers that are radians
+            angle = -phase if sense else phase
+            others["radian" + sense] = force * np.abs(response / force) * np.exp(1j * angle)
     others["per-force"] = response * force
     weight = 1 / np.abs(force)
 
@@ -313,7 +316,8 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     if best is None or passive[best] > min(ratio * misfit, _MAX_MISFIT_RATIO):
         return
     sure = "yes" if passive[best] < _MAX_MISFIT_RATIO * misfit else "no"
-    names = {"read": quantity or "", "is": best, "sure": sure}
+    names = {"read": quantity or "", "is": best.removesuffix(_OTHER_SENSE), "sure": sure}
+    names |= {"sense": "other"} if best.endswith(_OTHER_SENSE) else {}
     yield Finding("another-quantity", "doubt", "", quantities(misfit=misfit, then=passive[best]), names)
 
 

@@ -262,8 +262,7 @@ def _findings(
         stops = _friction_under(found, curve)
         if len(curve.frequency) == 0 or stops:
             data = {"level": numbers["level"], **stops}
-            at_rest = "friction" in stops and curve.level <= stops["friction"].value
-            names = {"by": "rest"} if at_rest else {}
+            names = {"by": "rest"} if "friction" in stops and curve.level <= stops["friction"].value else {}
             findings.append(Finding("no-steady-state", "warning", numbers=data, names=names))
         if len(curve.frequency) == 0:
             continue
