@@ -597,6 +597,7 @@ def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reac
     held = HeldOutLevel(sweep="up", frequency=points, measured=measured, predicted=measured, **sizes)
     assert known_beyond([held], 2.5, 2e-3, 7e-4)["error"].value == 0.0066
     assert known_beyond([held], 2.5, 2e-3, 9e-4) == {}
+    assert known_beyond([held], 2.0, 2e-3, 7e-4) == {}
 
 
 @pytest.mark.parametrize(("label", "name"), [(None, "4 N"), ([1.0, 2.0, 3.0], "2 (4 N)")])

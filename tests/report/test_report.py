@@ -359,7 +359,9 @@ def test_both_errors_of_a_held_out_level_are_relative_to_one_size():
     table = tables.held_out_table([level])
     assert "root mean square of the measured response" in table.caption
     of_mean = np.abs(level.predicted - level.measured) / np.sqrt(np.mean(np.abs(level.measured) ** 2))
-    largest = dict(zip(table.columns, table.rows[0], strict=True))["Largest error"]
+    said = dict(zip(table.columns, table.rows[0], strict=True))
+    assert said["Error, root mean square"].text == error_text(level.error)
+    largest = said["Largest error"]
     assert largest.text == error_text(float(of_mean.max()))
     assert largest.note == f"at {level.frequency[np.argmax(of_mean)]:.5g}\u202fHz".replace("\u202f", " ")
     assert level.largest_error == pytest.approx(float(of_mean.max()))
