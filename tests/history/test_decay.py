@@ -286,6 +286,15 @@ def test_points_near_rest_are_left_out_and_counted() -> None:
     assert table.amplitude.min() > 15 * values["Ff"] / values["k"]
 
 
+def test_a_friction_that_a_decay_shows_as_sharp_has_no_width() -> None:
+    # where a period of 64 samples does not resolve tanh(v/vs), its width is no value of the test
+    law, values = "k*x + c*v + Ff*sign(v)", {"k": 6000.0, "c": 0.3, "Ff": 0.05}
+    table = virtual(law, values, 1.5, level=[6e-3, 12e-3], duration=25, rate=400, seed=3)
+    found = rsgen.identify(table, "k*x + c*v + Ff*tanh(v/vs)", mass=1.5)
+    assert not found["vs"].identifiable
+    assert found["vs"].interval[0] == -np.inf
+
+
 def test_the_noise_of_a_decay_is_that_of_its_slopes() -> None:
     # the frequency of a hardening spring is far better known than its damping, relative to the force
     law, values = "k*x + c*v + k3*x**3", {"k": 24674.0, "c": 0.9425, "k3": 1.85e9}
@@ -398,6 +407,18 @@ def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_name
     assert np.array_equal(early.damping, follow_decay(history, mass=0.62).damping)
     with pytest.raises(MeasurementError, match=r"or the start of 8.4 s cuts it"):
         follow_decay(history, mass=0.62, start=8.4)
+
+
+def test_levels_of_decays_are_labels() -> None:
+    decays = [
+        TimeHistory(2000, None, dragged(x), "acceleration", level=n) for x, n in ((2.5e-3, 1), (4e-3, 2))
+    ]
+    surface = from_free_decay(decays, mass=0.62)
+    assert np.unique(surface.label).tolist() == [1, 2]
+    assert only(surface, "levels-disagree").names["labels"] == "1, 2"
+    hidden = rsgen.Observation(hold_out=[2])
+    (held,) = rsgen.identify(surface, "k*x + k3*x**3 + c*v + q*v*abs(v)", hidden, mass=0.62).held_out
+    assert held.level == surface.levels[1]
 
 
 @pytest.mark.parametrize("band", [None, (7, 13)])

@@ -427,6 +427,11 @@ def test_the_draft_of_a_decay_has_no_force_and_asks_for_the_mass(tmp_path, begun
     assert "otherwise it is identified" not in draft
 
 
+def test_more_columns_than_are_read_are_counted(tmp_path, run_cli):
+    path = table(tmp_path / "a.csv", ",".join(f"c{n}" for n in range(12_000)), [",".join("1" * 12_000)] * 5)
+    assert run_cli("inspect", path).err == f"{path}: more than 10000 columns; at most that many are read\n"
+
+
 @pytest.mark.parametrize(("level", "scale", "asked"), [
     ("level_N", "peak", True), ("level_N (rms)", "rms", False), ("level_N (peak)", None, False),
 ])  # fmt: skip

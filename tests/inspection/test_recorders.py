@@ -14,6 +14,7 @@ from tests.inspection.drafts import (
     OMEGA,
     RECEPTANCE,
     STIFFNESS,
+    drafted,
     is_receptance,
     read_draft,
 )
@@ -45,6 +46,14 @@ def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path):
     assert tables["force"] == {"samples": "Signal_1/y_values/values", "unit": "N"}
     first = {"samples": "Signal_2/y_values/values", "unit": "g"}
     assert first.items() <= tables["channels"]["wing1_z"].items()
+
+
+def test_channels_without_names_are_not_guessed_silently(tmp_path):
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"ch1": FORCE, "ch2": ACCELERATION, "ch3": 0.4 * ACCELERATION, "fs": RATE})
+    doubts = drafted(path).doubts
+    assert "TODO: write the path of the force" in doubts["test.force.samples"]
+    assert "ch1, ch2, ch3" in doubts["test.response.samples"]
 
 
 def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[str, ...] = ()) -> Path:

@@ -10,10 +10,10 @@ import rsgen as rs
 from rsgen import Oscillator, make_element
 from rsgen.data.history import SweepLaw
 from rsgen.data.surface.plausibility import base_findings
-from rsgen.files.plan import HistoryRule
+from rsgen.files.plan import HistoryRule, LevelRule
 from rsgen.files.signals import BaseRule, Channel
 from tests.case_files import MEASURED, Changes, write_small
-from tests.measurement.tables import read_planned, write_columns
+from tests.measurement.tables import planned, read_planned, write_columns
 from tests.oracles.swept import sweep
 from tests.surfaces import codes
 from tests.virtual import only
@@ -150,6 +150,14 @@ def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
     }  # fmt: skip
     surface = read_planned(tmp_path / "a.npz", None, None, Channel(samples="x"), **rules)
     assert "mass" not in only(surface, "sweep-rate").numbers
+
+
+@pytest.mark.parametrize(("quantity", "size"), [("acceleration", 9.80665), ("displacement", 1.0)])
+def test_a_number_before_g_in_a_name_is_an_acceleration_of_the_base(tmp_path, quantity, size):
+    base = BaseRule(Channel(amplitude=2, quantity=quantity), "relative")
+    level = LevelRule(name="run_{level}g.csv")
+    test = planned(tmp_path / "run_2g.csv", force=None, level=level, base=base)
+    assert test.factor("level") == pytest.approx(size)
 
 
 def shaken(friction: float) -> rs.ResponseSurface:

@@ -193,6 +193,14 @@ def test_records_are_held_out_by_their_labels():
         thirds.require_levels((9.0,))
 
 
+def test_levels_of_a_sweep_that_a_mass_corrected_are_not_said_to_be_measured():
+    test = rsgen.load_case("cases/formats/mat-sweep.toml").test
+    turned = replace(test, response=replace(test.response, factor=-1000.0))
+    found = read_measurement(replace(turned, history=replace(test.history, mass=1.5)))
+    (said,) = (one for one in found.findings if one.code == "levels-disagree")
+    assert "were measured, corrected for the sweep with the given mass of 1.5 kg," in sentence(said)
+
+
 @pytest.mark.parametrize(("levels", "asked", "meant"), [
     ([2.38636e-09 * (1 + 1.9e-6), 5e-9], 2.38636e-09, 0), ([3.4217, 5.0], 3.42, 0),
     ([3.4217, 3.4229], 3.42, None), ([3.42, 3.4229], 3.42, 0), ([2.6, 5.0], 3.0, None),

@@ -12,7 +12,7 @@ from rsgen import read, sentence
 from rsgen.common.errors import MeasurementError
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
-from rsgen.files.histories import read_motions
+from rsgen.files.histories import _record, read_motions
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.report.sentences import next_step
@@ -197,6 +197,13 @@ def test_a_title_of_another_quantity_than_the_response_is_a_doubt(tmp_path, titl
         channel = Channel(samples=title, unit="mm" if title == "freq_Hz" else None)
         got = read_record(path, force=None, response=channel, quantity=quantity, history=rule)
         assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
+
+
+def test_a_signal_that_is_asked_for_again_is_scaled_once(tmp_path):
+    test = history(write(tmp_path / "a.npz"), response=Channel(samples="a[2]", factor=9.80665))
+    record = _record(test, swept(rate=50.0), 0)
+    for _ in range(2):
+        np.testing.assert_allclose(record.sum("response", slice(None)), ACCELERATION[1] * 9.80665)
 
 
 def test_integers_of_a_recorder_are_scaled(tmp_path):
