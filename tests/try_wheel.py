@@ -100,15 +100,16 @@ def call(words: Sequence[str | Path], folder: Path, **added: str) -> str:
     return done.stdout + done.stderr
 
 
+def files_of(folder: str) -> set[str]:
+    found = (path for path in (ROOT / folder).rglob("*") if path.is_file())
+    return {path.relative_to(ROOT).as_posix() for path in found if "__pycache__" not in path.parts}
+
+
 def build(out: Path) -> Path:
     """Build the wheel; hold what is packed against the repository: package and examples, nothing else."""
     call([sys.executable, "-m", "build", "--outdir", out, ROOT], out.parent, PYTHONWARNINGS="default")
     (sdist,), (wheel,) = out.glob("*.tar.gz"), out.glob("*.whl")
-    package, cases = (
-        {one.relative_to(ROOT).as_posix() for one in (ROOT / folder).rglob("*")
-         if one.is_file() and "__pycache__" not in one.parts}
-        for folder in ("rsgen", "cases")
-    )  # fmt: skip
+    package, cases = files_of("rsgen"), files_of("cases")
     packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
     wanted = package | {name.replace("cases/", "rsgen/examples/", 1) for name in cases}
     if packed != wanted:
