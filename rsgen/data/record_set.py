@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
-from rsgen.common.tolerances import RELATIVE_ERROR_DOUBTFUL
 from rsgen.formula.units import PER_UNIT_MASS, WHOLE, ForceUnits, quantity_text
 
 QUANTITIES = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
@@ -133,13 +132,15 @@ def responses_of_others(
         By which units differ, with their names.
     """
     pushed, moved = _steps(level, frequency, force, amplitude)
-    compared = np.abs(pushed) > RELATIVE_ERROR_DOUBTFUL
-    falls = compared & (moved * np.sign(pushed) < -0.5 * np.fmax(np.abs(pushed), np.log(LEVEL_TOLERANCE)))
+    tolerance = np.log(LEVEL_TOLERANCE)
+    # levels a tenth apart or more
+    compared = np.abs(pushed) > tolerance / 4
+    falls = compared & (moved * np.sign(pushed) < -0.5 * np.fmax(np.abs(pushed), tolerance))
     if not falls.any():
         return []
     levels = np.unique(level)
     a, b, mends = _exchanged_levels(pushed, moved, compared, falls)
-    alike = mends and abs(moved + pushed)[a, b] < np.log(LEVEL_TOLERANCE)
+    alike = mends and abs(moved + pushed)[a, b] < tolerance
     if not alike and (found := _level_in_other_unit(levels, moved - pushed, factors)):
         return found
     numbers = quantities("N", low=levels[a], high=levels[b])
