@@ -113,6 +113,7 @@ def _recorded(form: str) -> bytes:
 
 
 def good(form: str, folder: Path) -> bytes:
+    """A good file of a format."""
     parts = arrays()
     table = np.column_stack([parts["f"], parts["F"], parts["x"].real, parts["x"].imag])
     file: Any = io.BytesIO()
