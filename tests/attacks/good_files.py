@@ -142,6 +142,7 @@ def good(form: str, folder: Path) -> bytes:
 
 
 def table_plan(path: Path, form: str) -> MeasuredTest:
+    """Read the table of amplitudes of a good file."""
     f, F, x = "f", "F", Channel(complex="x")
     if form == "uff":
         f, F, x = "1/abscissa", "1/ordinate", Channel(amplitude="2/ordinate")
@@ -155,6 +156,7 @@ def table_plan(path: Path, form: str) -> MeasuredTest:
 
 
 def history_plan(path: Path, form: str) -> MeasuredTest:
+    """Read the time history of a good file."""
     named: dict[str, tuple[Any, Any, Any]] = {
         "npy": ("array[:,2]", "array[:,3]", "array[:,1]"), "csv": (2, 3, 1),
         "uff": ("1/ordinate", "2/ordinate", "1/abscissa"),
