@@ -12,7 +12,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from hashlib import sha256
-from itertools import combinations
 from math import nan
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -93,97 +92,6 @@ def swapped_levels(
     numbers = quantities("" if labels else unit, low=levels[low], high=levels[high])
     numbers |= quantities(unit, low_measured=amounts[low], high_measured=amounts[high])
     return [Finding("levels-swapped", "doubt", numbers=numbers)]
-
-
-def _steps(level: Array, frequency: Array, force: Array, amplitude: Array) -> tuple[Array, Array]:
-    """Return the steps (k, k) of log F and log X between levels at the same frequencies; NaN if unknown.
-
-    From a level at rest to one that moves log X rises by more than any number has; of two at rest nothing is
-    known.
-    """
-    order = np.argsort(frequency)
-    columns = [np.log(sizes, out=np.full(len(sizes), -1e3), where=sizes > 0) for sizes in (force, amplitude)]
-    names = np.unique(level)
-    runs = [order[level[order] == name] for name in names]
-    pushed, moved = np.full((2, len(names), len(names)), nan)
-    for (i, one), (j, other) in combinations(enumerate(runs), 2):
-        common = one[(frequency[one] >= frequency[other[0]]) & (frequency[one] <= frequency[other[-1]])]
-        if 2 * len(common) >= len(one) and (amplitude[one].any() or amplitude[other].any()):
-            at = frequency[common], frequency[other]
-            for steps, log in zip((pushed, moved), columns, strict=True):
-                steps[i, j] = np.median(np.interp(*at, log[other]) - log[common])
-                steps[j, i] = -steps[i, j]
-    return pushed, moved
-
-
-def responses_of_others(
-    level: Array, frequency: Array, force: Array, amplitude: Array, factors: Mapping[str, float]
-) -> list[Finding]:
-    """Return a finding if levels have not their own responses, or one has another unit; none or one.
-
-    At one frequency a stable motion grows with the force: d|F|/dX > 0, and friction holds no level above one
-    that moves. Between levels of 220 virtual and five measured tests log X rose by 0.35 of log F or more.
-
-    Parameters
-    ----------
-    level, frequency, force, amplitude
-        (n,) of each point, in N, Hz, N, m; amplitudes are zero at rest.
-    factors
-        By which units differ, with their names.
-    """
-    pushed, moved = _steps(level, frequency, force, amplitude)
-    tolerance = np.log(LEVEL_TOLERANCE)
-    # levels a tenth apart or more
-    compared = np.abs(pushed) > tolerance / 4
-    falls = compared & (moved * np.sign(pushed) < -0.5 * np.fmax(np.abs(pushed), tolerance))
-    if not falls.any():
-        return []
-    levels = np.unique(level)
-    a, b, mends = _exchanged_levels(pushed, moved, compared, falls)
-    alike = mends and abs(moved + pushed)[a, b] < tolerance
-    if not alike and (found := _level_in_other_unit(levels, moved - pushed, factors)):
-        return found
-    numbers = quantities("N", low=levels[a], high=levels[b])
-    numbers |= quantities(pushed=np.exp(pushed[a, b]), moved=np.exp(moved[a, b]))
-    return [Finding("levels-swapped", "doubt", "", numbers, {} if mends else {"mends": "no"})]
-
-
-def _exchanged_levels(
-    pushed: Array, moved: Array, compared: NDArray[np.bool_], falls: NDArray[np.bool_]
-) -> tuple[int, int, bool]:
-    """Return the places of two levels, and whether the response rises everywhere with each other's responses.
-
-    The steps (k, k) between levels that are ``compared`` have to rise; in those of ``falls`` they do not. Of
-    several pairs the two levels are those whose responses per force are the most equal once exchanged.
-    """
-    pairs = np.argwhere(np.triu(falls))
-    pairs = pairs[np.argsort(np.abs(moved + pushed)[tuple(pairs.T)])]
-    # one exchange changes the steps of two levels alone
-    for pair in pairs if len(pairs) < 2 * len(falls) else ():
-        order = np.arange(len(falls))
-        order[pair] = pair[::-1]
-        exchanged = moved[np.ix_(order, order)]
-        if not np.any(compared & (exchanged * pushed < 0.3 * pushed**2)):
-            return int(pair[0]), int(pair[1]), True
-    return int(pairs[0, 0]), int(pairs[0, 1]), False
-
-
-def _level_in_other_unit(levels: Array, gains: Array, factors: Mapping[str, float]) -> list[Finding]:
-    """Return a finding if the response per force of one level is a factor times that of all others, or less.
-
-    Steps ``gains`` (k, k) are those of the logarithm of the response per force.
-    """
-    known = np.isfinite(gains) & ~np.eye(len(levels), dtype=bool)
-    for near, by in factors.items():
-        larger = known & (np.abs(-gains / np.log(by) - 1) < 1 / 8)
-        for differing in (larger, larger.T):
-            alone = known.any(axis=1) & (differing == known).all(axis=1)
-            if alone.any():
-                at = int(np.argmax(alone))
-                numbers = quantities("N", level=levels[at])
-                numbers |= quantities(gain=np.exp(-np.median(gains[at, known[at]])))
-                return [Finding("levels-disagree", "doubt", "", numbers, {"near": near})]
-    return []
 
 
 def level_name(level: float, unit: str, label: str = "") -> str:

@@ -24,7 +24,6 @@ import numpy as np
 import rsgen.identification  # fits of multisines, where one is given
 from rsgen.common.arrays import Array
 from rsgen.common.errors import known_arguments, require
-from rsgen.common.finding import Finding
 from rsgen.common.solvers import determined
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
@@ -354,11 +353,13 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
     points = test.problem.observed.points
     if 0 < most < len(points):
         test = replace(test, problem=test.problem.select(points.spread(most)))
-    problem, start = start_fit(test.problem)
-    held = held_points(problem, start)
-    findings = list[Finding]()
-    if held.any() and np.count_nonzero(~held) > problem.count:
-        findings = [held_finding(problem.observed.points, held, surface)]
+    points = test.problem.observed.points
+    noise = points.in_noise
+    problem, start = start_fit(test.problem.select(np.flatnonzero(~noise)))
+    held = held_points(test.problem, start, noise)
+    held &= np.count_nonzero(~held) > problem.count
+    findings = [held_finding(points, held, surface)] if held.any() else []
+    if np.any(held != noise):
         problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))
     # where no law fits refining one has no end
     coarse = partial(fit_balance, order=BALANCE_HARMONICS, steps=_STEPS_IF_MISREAD)

@@ -186,23 +186,30 @@ def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
     return np.isnan(fit.regression.misfit) & nearly_held(points, fit.problem.law, fit.values)
 
 
-def nearly_held(points: Points, law: ForceLaw, values: Array) -> NDArray[np.bool_]:
-    """(n,) points whose force hardly overcomes dry friction, up to which the law holds the mass at rest."""
+def nearly_held(
+    points: Points, law: ForceLaw, values: Array, most: float | Array = MAX_FORCE_TO_FRICTION
+) -> NDArray[np.bool_]:
+    """(n,) points whose force hardly overcomes dry friction, up to which the law holds the mass at rest.
+
+    ``most`` is the ratio of both below which it hardly does.
+    """
     friction = law.dry_friction(ROUND_OFF * float(np.max(points.amplitude * points.omega)), values)
-    return np.asarray(np.abs(points.force) < MAX_FORCE_TO_FRICTION * friction)
+    return np.asarray(np.abs(points.force) < most * friction)
 
 
-def held_points(problem: Problem, parameters: Array) -> NDArray[np.bool_]:
+def held_points(problem: Problem, parameters: Array, noise: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(n,) points where friction takes nearly all of the force, and hardly any is left to move the mass.
 
     They say that the friction is as large as the force, and a balance of few harmonics, which has 4/pi of
-    it, takes that for the friction of all others.
+    it, takes that for the friction of all others. A response in ``noise`` (n,) says nothing of
+    motion: there the friction itself is to be larger than the force, but for its error.
     """
     values, mass, background = problem.split(parameters)
     points = problem.observed.mode(background)
     left = abs(mass) * points.omega**2 * points.amplitude
     few = left < RELATIVE_ERROR_DOUBTFUL * np.abs(points.force)
-    return np.asarray(nearly_held(points, problem.law, values) & few)
+    most = np.where(noise, 1 + RELATIVE_ERROR_DOUBTFUL, MAX_FORCE_TO_FRICTION)
+    return np.asarray(nearly_held(points, problem.law, values, most) & (few | noise))
 
 
 def left_out(

@@ -27,7 +27,6 @@ from rsgen.common.tolerances import (
     MIN_MISFIT_REDUCTION,
     MISFIT_EXPLAINED,
     RELATIVE_CHANGE_NEGLIGIBLE,
-    ROUND_OFF,
 )
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import (
@@ -36,8 +35,8 @@ from rsgen.data.record_set import (
     QUANTITIES,
     copied_levels,
     misnamed_levels,
-    responses_of_others,
 )
+from rsgen.data.surface.columns import levels_in_noise, responses_of_others
 from rsgen.data.surface.response_surface import ResponseSurface, control_findings, typical_amounts
 
 _MAX_MISFIT_RATIO = 1 - MIN_MISFIT_REDUCTION
@@ -55,13 +54,15 @@ _MIN_RELATIVE_SIZE = 1e-6
 
 
 def driven_points(surface: ResponseSurface) -> NDArray[np.intp]:
-    """Return the settled points with a force, a response to it, and the phase between them."""
+    """Return the settled points with a force, a response to it beyond noise, and the phase between them."""
     recorded = np.stack([surface.force, surface.harmonics[:, 1], surface.phase])
     good = surface.settled & np.isfinite(recorded).all(axis=0)
     for values in (surface.force, surface.harmonics[:, 1], surface.omega):
         size = np.where(good, np.abs(values), 0.0)
         good = good & (size > max(_MIN_RELATIVE_SIZE * size.max(initial=0.0), np.finfo(float).tiny))
-    return np.flatnonzero(good)
+    test = surface.select(rows := np.flatnonzero(good))
+    response = test.harmonics[:, 1]
+    return rows[~levels_in_noise(test.level, test.sweep, test.frequency, response / test.force)]
 
 
 def powers_for(points: int, *, mass: bool) -> range:
@@ -239,10 +240,9 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     if 1 < len(levels) == len(rows) and (by_force or close):
         yield Finding("levels-disagree", "warning", "", quantities(points=len(rows)), names)
     if by_force and not any(one.names.get("rows") == "columns" for one in surface.findings):
-        rows = usable_points(surface, at_rest=True)
-        size = surface.amplitude[rows]
-        sizes = np.abs(surface.force[rows]), np.where(size > ROUND_OFF * size.max(), size, 0.0)
-        yield from responses_of_others(surface.level[rows], surface.frequency[rows], *sizes, COMMON_FACTORS)
+        test = surface.select(usable_points(surface, at_rest=True))
+        columns = test.level, test.sweep, test.frequency, test.force, test.harmonics[:, 1]
+        yield from responses_of_others(*columns, COMMON_FACTORS)
 
 
 def size_findings(sizes: Sizes) -> Iterator[Finding]:

@@ -26,6 +26,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.history.envelope import NOISE_OF_SLOPE
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
+from rsgen.data.surface.columns import levels_in_noise
 from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, BackboneGap, backbone_gap
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within_half_power
 from rsgen.formula.names import symbol
@@ -122,6 +123,12 @@ class Points:
     def amplitude(self) -> NDArray[np.float64]:
         """(n,) X [m]."""
         return np.abs(self.harmonics[:, 1])
+
+    @property
+    def in_noise(self) -> NDArray[np.bool_]:
+        """True (n,) at levels whose response is noise, as of a mass at rest; at none where few are left."""
+        noise = levels_in_noise(self.level, self.sweep, self.omega, self.harmonics[:, 1] / self.force)
+        return noise & (np.count_nonzero(~noise) > MIN_POINTS)
 
     @property
     def asymmetric(self) -> bool:
