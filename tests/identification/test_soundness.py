@@ -49,6 +49,27 @@ def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels)
     assert max(errors(found, {**values, "m": 1.0}).values()) < 1e-4
 
 
+@pytest.mark.parametrize("levels", [(0.2, 0.45, 2, 5), (0.1, 0.2, 0.45, 5)])
+def test_noise_of_levels_that_friction_holds_does_not_reject_the_law(levels):
+    """The law says that they are at rest, and the phases of neighbours that they are noise."""
+    law, values = "k*x + c*v + Ff*sign(v)", {"k": 1e4, "c": 2.0, "Ff": 0.5}
+    exact = simulated(law, values, levels, (13, 19, 13), 1.0)
+    draws = np.random.default_rng(1).standard_normal((2, len(exact)))
+    noise = 1e-4 * exact.amplitude.max() * (draws[0] + 1j * draws[1])
+    table = fundamentals(exact, exact.harmonics[:, 1] + noise)
+    found = identify(table, law)
+    assert found.verdict.state == "identified"
+    assert max(errors(found, {**values, "m": 1.0}).values()) < 0.01
+    (left,) = (finding for finding in found.findings if finding.names.get("by") == "friction")
+    assert left["excluded"] == np.count_nonzero(exact.amplitude == 0)
+    assert "law-does-not-fit" in severities(identify(table, "k*x + c*v + k3*x**3"))
+    # the lowest level moves, and friction holds the highest one
+    named = {levels[0]: 5.0, 5.0: levels[0]}
+    level = np.array([named.get(one, one) for one in table.level])
+    swapped = fundamentals(table, level=level, force=table.force * level / table.level)
+    assert {"levels-swapped", "points-excluded"} <= said(swapped, law).keys()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("noise", "expected"), [(0.03, ""), (0.14, "doubt"), (0.5, "error")])
 def test_noise_is_judged_by_its_size(noise, expected):
