@@ -569,10 +569,8 @@ def _held(points: Points, base: Model, sensors: str) -> NDArray[np.bool_]:
     """(n,) points that friction holds, by a surrogate of any law with friction; none where few are left."""
     elements = surrogates(sensors)[0]
     problem = Problem(elements, law_of(elements), Observed.of(points, "none"), base.fixed)
-    noise = points.in_noise
-    moving = np.flatnonzero(~noise)
-    few = moving[points.select(moving).spread(SUBSAMPLE_POINTS)]
-    held = held_points(problem, start_fit(problem.select(few))[1], noise)
+    few, noise = points.spread(SUBSAMPLE_POINTS), points.in_noise
+    held = held_points(problem, start_fit(problem.select(few[~noise[few]]))[1], noise)
     return held & (np.count_nonzero(~held) > problem.count)
 
 
