@@ -387,14 +387,25 @@ class _OpenLoops:
     interval: Array
     values: Sequence[Any] | Array
     steps_done: int = 0
-    last: tuple[Array, tuple[Array, _Recurrence]] | None = None
+    kept: tuple[Array, ...] = ()
+    """Of every loop the last place (q s, n), what steps lack there, and the rule linearised there."""
 
     def lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
-        """(s, q, k) what each step from sample to sample lacks, and the rule linearised there."""
-        # a step that was tried is the place of the next one
-        if self.last is None or not np.array_equal(self.last[0], unknowns):
-            self.last = np.array(unknowns), self._lack(rows, unknowns)
-        return self.last[1]
+        """(s, q, k) what each step from sample to sample lacks, and the rule linearised there.
+
+        Newton's method asks for all loops at first. A step that was tried is the place of the next one: only
+        loops that are elsewhere by now are evaluated.
+        """
+        new = np.any(self.kept[0][:, rows] != unknowns.T, axis=0) if self.kept else rows >= 0
+        if new.any() or not self.kept:
+            lack, rule = self._lack(rows[new], unknowns[new])
+            parts = unknowns[new].T, lack, rule.forward, rule.inverse, rule.weight, rule.step
+            if len(lack.T) == len(self.interval):
+                self.kept = parts
+            for whole, part in zip(self.kept, parts, strict=True):
+                whole[..., rows[new]] = part
+        lack, *linear = (whole[..., rows] for whole in self.kept[1:])
+        return lack, _Recurrence(*linear)
 
     def _lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
         x, v, a = (part[rows] for part in self.motion)
