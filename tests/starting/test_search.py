@@ -7,10 +7,13 @@ from scipy.optimize import brentq
 import rsgen
 from rsgen.data.oscillator import Model
 from rsgen.dynamics.virtual_test import add_noise
+from rsgen.formula.reading import parse
 from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.identification.starting.search import _Search as Search
+from rsgen.identification.starting.start import solve_equations
 from rsgen.law.element import make_element
-from rsgen.law.motion import Motion
+from rsgen.law.memory import with_memory
+from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import compile_law
 from tests.oracles.harmonic_balance import solve_harmonic_balance
 from tests.virtual import simulated
@@ -94,3 +97,15 @@ def test_a_window_ends_before_the_round_off_of_the_motion():
     window = Search(equations, stop, 0.5).active_values(0)
     assert 4e-3 < window.max() < 5e-2
     assert -1e5 < window.min() < -1e-3
+
+
+def test_a_start_leaves_out_loops_that_do_not_close():
+    """The state grows for ever in motions beyond 0.06 m: two of twelve points have no force."""
+    law = compile_law(with_memory(parse("k*x + c*v + Fs*z"), {"z": "v - (8 - 200*abs(x))*z"}))
+    true, omega = law.ordered({"Fs": 800.0, "c": 4.0, "k": 5000.0}), np.linspace(50.0, 70.0, 12)
+    motion = sine_motion(omega, np.geomspace(1e-3, 0.1, 12))
+    force = project(law.along(motion, true, 128).force, 1) - MASS * omega**2 * np.abs(motion.harmonics[:, 1])
+    assert np.isnan(force).sum() == 2
+    equations = Equations.plain(omega, np.where(np.isnan(force), 50.0, force), motion.harmonics)
+    found = solve_equations(equations, law, {})
+    assert [*found.values, found.mass] == pytest.approx([*true, MASS], rel=1e-5)

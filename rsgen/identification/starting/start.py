@@ -272,13 +272,16 @@ def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | 
         nonlinear = search_nonlinear(equations.select(few), law, mass, begin)
     matrix, right = equation_rows(equations, law, nonlinear)
     known = np.append(np.full(len(law.linear), np.nan), mass)
-    solution, _, _ = solve_scaled(matrix, right, known=known)
-    residual = right - matrix @ solution
+    rows = _known_rows(matrix, right)
+    solution, _, _ = solve_scaled(matrix[rows], right[rows], known=known)
+    residual = (right - matrix @ solution)[rows]
     values = law.values_of(solution, nonlinear)
     if law.nonlinear:
         matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, nonlinear, solution)])
+        rows = _known_rows(matrix, right)
+    right = right[rows]
     known = np.append(known, np.full(len(nonlinear), np.nan))
-    _, inverse, null = solve_scaled(matrix, right, known=known)
+    _, inverse, null = solve_scaled(matrix[rows], right, known=known)
     freedom = max(len(right) - int(np.isnan(known).sum()) + null.shape[1], 1)
     covariance = determined(inverse @ inverse.T * float(residual @ residual) / freedom, null)
     order = [*law.linear, len(values), *law.nonlinear]
@@ -286,6 +289,12 @@ def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | 
     sorted_covariance[np.ix_(order, order)] = covariance
     sigma = float(np.sqrt(residual @ residual / max(len(right), 1)))
     return Solution(values, float(solution[len(law.linear)]), sorted_covariance, freedom, sigma)
+
+
+def _known_rows(matrix: Array, right: Array) -> NDArray[np.bool_]:
+    """Return the rows without those of loops that do not close; all where too few are left for a start."""
+    finite: NDArray[np.bool_] = np.isfinite(right) & np.isfinite(matrix).all(axis=1)
+    return finite if finite.mean() > MIN_SHARE_PREDICTED else np.ones_like(finite)
 
 
 def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Array:
@@ -405,7 +414,8 @@ def _linear_start(points: Points, law: ForceLaw, fixed: Mapping[str, float], ord
     weight = equations.weight
     for _ in range(3):
         solution = solve_equations(equations, law, fixed)
-        misfit = point_misfit(replace(equations, weight=weight), law, solution)
+        # a loop that does not close has no misfit
+        misfit = np.nan_to_num(point_misfit(replace(equations, weight=weight), law, solution))
         typical = max(deviation_of_median(float(np.median(misfit))), MISFIT_EXPLAINED)
         factor = 1 / np.maximum(1.0, misfit / (_MAX_MISFIT_RATIO * typical)) ** 2
         if np.count_nonzero(factor < 0.25) <= 0.002 * len(points):
