@@ -45,7 +45,7 @@ from rsgen.data.record_set import with_label
 from rsgen.data.surface.mode_findings import is_beyond_any_law, row_findings
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
-from rsgen.identification.fitting.fit import RESOLUTION, Fit, fit_balance, fit_simulator
+from rsgen.identification.fitting.fit import Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import per_unit_mass
@@ -69,7 +69,7 @@ from rsgen.law.element import LawLike
 
 _ORDERS_TRIED = (BALANCE_HARMONICS, 15, 23)
 """Highest harmonics of the balance: of smooth laws raised until the last no longer matters (``_balance``),
-of laws with memory or a free mean one more step each."""
+of laws with memory one more step."""
 
 _HARMONICS_OF_CORNERS = BALANCE_HARMONICS
 """The same where a law has switches or a motion is far from a sine: the simulator adds what is missing. It is
@@ -109,13 +109,10 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
         found = fit_balance(problem, start, order=found.order, compared=BALANCE_HARMONICS)
         covariance = determined(found.regression.covariance, np.eye(len(start))[:, lost])
         return replace(found, regression=replace(found.regression, covariance=covariance))
-    if law.mean_free and not law.acts_across:
-        # the simulator's motions drift where nothing holds their mean; loops are the same wherever they lie
-        return _add_harmonics(found)
     if not needs_simulator:
         return found
-    if law.acts_across:
-        # only the measured motion across is known, and no steady state is asked for
+    if law.acts_across or law.mean_free:
+        # only the measured motion across is known; and where nothing holds their mean, steady states drift
         return _descended(found)
     # the corners of a memory are its force's, not jumps: what it misses is not theirs
     if law.remembers and (runs_away(found) or law_misses(found)):
@@ -125,9 +122,6 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
     hidden = found.regression.sigma > MISFIT_OF_NOISE and found.hidden_by_noise.any()
     if not (feeds or hidden) and attained < found.regression.rms_misfit < MISFIT_REJECTED:
         found = _refit_with_simulator(found)
-        # a misfit between the simulator's own and noise: some points were not followed
-        if not law.rough and 2 * RESOLUTION * _ACCURACIES[-1] < found.regression.sigma < MISFIT_OF_NOISE:
-            found = _add_harmonics(found)
     return _descended(found)
 
 
@@ -242,14 +236,6 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     freedom = refitted.regression.freedom
     by_chance = f_quantile(freedom, freedom, (1 + SIGNIFICANCE_LEVEL) / 2)
     return refitted if misfit[0] ** 2 <= by_chance * misfit[1] ** 2 else balanced
-
-
-def _add_harmonics(followed: Fit) -> Fit:
-    """Try more harmonics where the simulator is not asked, or did not follow every branch of exact data."""
-    balanced = followed
-    for order in _ORDERS_TRIED[1:]:
-        balanced = fit_balance(followed.problem, balanced.regression.parameters, order=order)
-    return min(followed, balanced, key=lambda found: found.regression.sigma)
 
 
 # what a trial makes infinite or undefined has no prediction there, and is dealt with as such

@@ -63,7 +63,7 @@ from rsgen.law.motion import Motion, sine_motion
 _MIN_SHARE_FOLLOWED = 0.5
 """Share of the points that must be predicted on the measured branch; where fewer are, the start is wrong."""
 
-RESOLUTION = 5.0
+_RESOLUTION = 5.0
 """A misfit up to this many times the simulator's accuracy is the simulator's."""
 
 _STEPS_KEPT, _RENEWALS = 6, 4
@@ -521,13 +521,13 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _MIN_SHARE_FOLLOWED * len(drive):
         return None
-    rules = _rules(problem, observed.points, steps=_STEPS_KEPT, attainable=RESOLUTION * accuracy)
+    rules = _rules(problem, observed.points, steps=_STEPS_KEPT, attainable=_RESOLUTION * accuracy)
     for _ in range(_RENEWALS):
         found = fit(descent.linearise, parameters, nuisance, rules, neighbours=observed.points.neighbours)
         if noisy and found.converged:
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance
-        exact = found.sigma < RESOLUTION * accuracy
+        exact = found.sigma < _RESOLUTION * accuracy
         if found.converged and (exact or found.sigma > _WORTH * noise):
             break
         # near a fold derivatives change quickly
