@@ -102,7 +102,7 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
     chosen = list(product(*sizes))
     moved = np.flatnonzero(np.any(directions != 0, axis=0))
     uneven = even_space.uneven[: len(directions)]
-    frozen = replace(few, frozen=tuple({*law.even, *uneven} - {-1}))
+    frozen = replace(few, frozen=tuple({*law.even, *uneven}))
     without, *fits = [
         _fit(frozen, even_space.centre + np.array(ratios) @ directions, MAX_TRIAL_STEPS) for ratios in chosen
     ]
@@ -118,9 +118,6 @@ def start_even_forces(problem: Problem, parameters: Array) -> tuple[Problem, Arr
         if mirrored and image.symmetric and (found - image.centre)[image.uneven[0]] < 0:
             found = 2 * image.centre - found
         return problem, found
-    if -1 in uneven:
-        # an odd force has a slope
-        return problem, least
     small = fits[chosen.index(tuple(ratios[1] for ratios in sizes)) - 1]
     resolved = _at_resolution(small, without, directions, uneven, count)
     # errors are smaller there than at a trial that misses the points
@@ -169,9 +166,9 @@ class EvenDirections:
     centre
         (q,) parameters from which the force is symmetric as far as it can be.
     directions
-        (d, q) null vectors, each with a force as large as the spring's.
+        (d, q) null vectors with an even force, each with one as large as the spring's.
     uneven
-        (d,) a parameter of each that makes even forces, to be frozen in trials; -1 if there is none.
+        (d,) a parameter of each that makes even forces, to be frozen in trials.
     symmetric
         True if the force at the centre is symmetric, so that 2*centre - p is the mirror image of p.
     """
@@ -216,13 +213,15 @@ def even_directions(problem: Problem, parameters: Array) -> EvenDirections:
     rest = np.max(np.abs(_even(total) + back @ even))
     of_each = np.max(np.abs(_even(slopes)), axis=1)
     of_each[of_each < MIN_NULL_COMPONENT * np.max(np.abs(slopes), axis=1)] = 0.0
-    uneven = list[int]()
+    uneven = dict[int, Array]()
     for direction in directions:
         part = np.abs(direction[: len(values)]) * of_each
-        part[[place for place in uneven if place >= 0]] = 0.0
-        uneven.append(int(np.argmax(part)) if part.any() else -1)
-    symmetric = bool(rest < MIN_NULL_COMPONENT * np.max(np.abs(total)))
-    return EvenDirections(parameters + back @ directions, directions, tuple(uneven), symmetric)
+        part[list(uneven)] = 0.0
+        if part.any():
+            uneven[int(np.argmax(part))] = direction
+    symmetric = bool(uneven and rest < MIN_NULL_COMPONENT * np.max(np.abs(total)))
+    even_alone = np.reshape(list(uneven.values()), (len(uneven), len(parameters)))
+    return EvenDirections(parameters + back @ directions, even_alone, tuple(uneven), symmetric)
 
 
 Table = TypeVar("Table", Points, ResponseSurface)
