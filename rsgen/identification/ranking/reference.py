@@ -229,9 +229,6 @@ def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, flo
         noise = np.full(BALANCE_HARMONICS + 1, ASSUMED_RELATIVE_NOISE)
         rows, candidate = reference.rows(noise), replace(best, values=reference.parameters)
         leader = fit_candidate(candidate, rows, fixed)
-        out = None if leader.fault else outliers_of(leader, noise)
-        if out is not None and out.any():
-            leader = fit_candidate(candidate, rows.select(np.flatnonzero(~out)), fixed)
         if leader.fault or not leader.candidate.values["m"] > 0:
             return reference
         found_values = leader.candidate.values
