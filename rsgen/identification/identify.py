@@ -29,7 +29,6 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     HARMONIC_TRUNCATION,
     MAX_NEWTON_STEPS,
-    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MAX_SHIFT_TO_ERROR,
     MIN_MISFIT_REDUCTION,
     MISFIT_OF_NOISE,
@@ -59,7 +58,6 @@ from rsgen.identification.soundness import (
     left_out,
     runs_away,
     shown_by_few,
-    stopped_points,
 )
 from rsgen.identification.starting.start import start_fit
 from rsgen.law.element import LawLike
@@ -224,11 +222,6 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
     if refitted is None:
-        return balanced
-    lost = balanced.regression.used & ~refitted.regression.used
-    lost &= ~stopped_points(problem.observed.points, refitted)
-    # held motions, and motions near a jump, are followed by the balance alone
-    if np.count_nonzero(lost) > MAX_SHARE_OF_OUTLIERS_BY_CHANCE * np.count_nonzero(balanced.regression.used):
         return balanced
     both = refitted.regression.used & balanced.regression.used
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]
