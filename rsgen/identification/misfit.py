@@ -498,10 +498,10 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
 
 
 def explain_hidden(problem: Problem, reasons: Mapping[str, Finding | None]) -> dict[str, Finding | None]:
-    """Say of an even force without effect that the fundamental shows its square alone."""
+    """Doubt values of a law with an even force without effect: the fundamental shows its square alone."""
     names = [problem.law.parameters[i] for i in problem.law.even] if even_part_unobservable(problem) else []
     return {
-        name: Finding("even-terms-not-seen", "warning", name, why.numbers)
+        name: Finding("even-terms-not-seen", "doubt", name, why.numbers)
         if why is not None and why.code == "no-effect" and name in names
         else why
         for name, why in reasons.items()
