@@ -96,7 +96,7 @@ def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() 
         return 2 * np.pi * f * t
 
     place = window.middle[0]
-    value, first, second = demodulate(signal, rate, phase, window, (1,))[0, 0]
+    value, first, second, _ = demodulate(signal, rate, phase, window, (1,))[0, 0]
     # the mirror image at -f leaks by 1e-5
     assert value == pytest.approx(shape(place), rel=1e-5)
     assert first == pytest.approx(shape.deriv()(place) * rate, rel=1e-3)

@@ -13,6 +13,11 @@ which is -i (2 h omega X_h' + h omega' X_h) to first order. It acts as a force w
 those of the steady motion, X_h + F_h/(m omega^2 (h^2 - 1)), with k(X) for the stiffness that they meet. What
 they lose of their energy passes through the fundamental and looks like a gain there, so that c/m is higher by
 sum h Im(F_h X_h*)/(m omega |X|^2): of a cubic spring by the share 27 |X_3/X|^2.
+
+About a reference phase theta the signal Y e^(i theta) has the rate Y'/Y + i theta', within a window by the
+series Y(t + d) = Y + Y' d + Y'' d^2/2 + Y''' d^3/6 of its cubic (Savitzky and Golay 1964, ``envelope``). The
+next reference has it between the begin of the first window and its middle: frequencies of later windows,
+continued to there, leave a phase that no cubic follows where a fast decay changes the frequency.
 """
 
 from __future__ import annotations
@@ -455,9 +460,9 @@ def _tracked(
         time, frequency = np.pad(time, 1, constant_values=(0, end)), np.pad(frequency, 1, mode="edge")
     if (rule.short and coarse) or len(time) < 2 or end < 2 * half:
         raise refusal()
-    stopped = 0
+    stopped, knots = 0, time
     for number in range(REFERENCE_PASSES):
-        curve = scipy.interpolate.PchipInterpolator(time, frequency, extrapolate=True)
+        curve = scipy.interpolate.PchipInterpolator(knots, frequency, extrapolate=True)
         if not rule.short:
             time = _instants(curve, time[0], time[-1], rule)
         elif number == 0:
@@ -471,9 +476,18 @@ def _tracked(
         if np.count_nonzero(clear) < _NEIGHBOURS:
             raise refusal()
         time, envelope = time[clear], envelope[clear]
-        growth = envelope[:, 1, 1] / envelope[:, 1, 0]
-        frequency = np.asarray(curve(time) + growth.imag / (2 * pi))
+        # between the begin of the first window and its middle
+        early = -rule.window / 4 / float(curve(time[0]))
+        knots = np.append(time[0] + early, time)
+        growth = np.append(_growth(envelope[0, 1], early), envelope[:, 1, 1] / envelope[:, 1, 0])
+        frequency = np.asarray(curve(knots) + growth.imag / (2 * pi))
     return time, envelope, curve, stopped
+
+
+def _growth(envelope: ComplexArray, after: float) -> complex:
+    """Return Y'/Y [1/s] some time [s] ``after`` the middle of a window, from Y, Y', Y'', Y''' (4,) there."""
+    powers = after ** np.arange(4) / np.array([1, 1, 2, 6])
+    return complex(envelope[1:] @ powers[:3] / (envelope @ powers))
 
 
 def _instants(curve: scipy.interpolate.PchipInterpolator, first: float, last: float, rule: _Rule) -> Array:
@@ -488,7 +502,7 @@ def _demodulated(
     time: Array,
     rule: _Rule,
 ) -> tuple[Array, ComplexArray]:
-    """Return instants (n,) [s] and envelopes (n, orders, 3) [SI] against a curve of the frequency [Hz]."""
+    """Return instants (n,) [s] and envelopes (n, orders, 4) [SI] against a curve of the frequency [Hz]."""
     rate, turns = history.rate, curve.antiderivative()
     period = rate / curve(time)
     orders = highest_order(rule.harmonics, rate, float(np.max(curve(time))))
@@ -549,11 +563,11 @@ def _clear(envelope: ComplexArray, floor: float) -> NDArray[np.bool_]:
 def _moving(envelope: ComplexArray, reach: Array) -> NDArray[np.bool_]:
     """Return (n,) True up to the first point whose amplitude comes to zero within its ``reach`` [s].
 
-    By value, slope and bend of the envelope (n, 3): an exponential decay never does, dry friction stops.
+    By value, slope and bend of the envelope (n, 4): an exponential decay never does, dry friction stops.
     """
     with np.errstate(all="ignore"):
         # NaN where nothing moves
-        growth, bend = (envelope[:, 1:] / envelope[:, :1]).T
+        growth, bend = (envelope[:, 1:3] / envelope[:, :1]).T
         left = 1 + growth.real * reach + (bend.real + growth.imag**2) * reach**2 / 2
     return np.asarray(np.logical_and.accumulate(left > 0))
 

@@ -1,8 +1,8 @@
 """Complex envelopes of a signal against a reference phase: synchronous demodulation in one pass, block-wise.
 
 A signal y(t) = Re sum_h Y_h(t) exp(i h phi(t)) is mixed with exp(-i h phi) and a cubic is fitted to it by
-weighted least squares within a window of some periods: its value and derivatives at the middle are Y_h, Y_h'
-and Y_h''. That is a low-pass filter (Savitzky and Golay 1964, here with a cos^4 taper, so that the other
+weighted least squares within a window of some periods: its value and derivatives at the middle are Y_h to
+Y_h'''. That is a low-pass filter (Savitzky and Golay 1964, here with a cos^4 taper, so that the other
 harmonics are damped by 100 dB) which does not flatten a peak of the envelope, as a plain average would.
 In windows that are too short for that, cubics of all harmonics are fitted together (``fit_together``).
 """
@@ -43,7 +43,7 @@ def highest_order(wanted: int, rate: float, frequency: float) -> int:
 def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
     """Return the kinematics of harmonics from the envelopes of the measured quantity.
 
-    ``envelope`` (..., 3) is the measured quantity and its first and second time derivative [SI], ``omega``
+    ``envelope`` (..., 3 or more) is the measured quantity and its time derivatives [SI], ``omega``
     (...,) the rate h phi' of the reference [rad/s], ``slope`` (...,) its change [rad/s^2].
     """
     y = envelope[..., 0]
@@ -95,12 +95,12 @@ _INTEGRATION_INSTANTS = 20_001
 
 @lru_cache(maxsize=256)
 def _kernel(count: int) -> Array:
-    """Return weights (3, count) of value, first and second derivative at the middle, per sum."""
+    """Return weights (4, count) of value and first three derivatives at the middle, per sum."""
     place = np.arange(count) - (count - 1) / 2
     taper = np.cos(np.pi * place / count) ** 4
     powers = (place / count)[:, None] ** np.arange(4)
     weights = np.linalg.solve(powers.T @ (taper[:, None] * powers), (powers * taper[:, None]).T)
-    return np.asarray(weights[:3] * np.array([[1.0], [1 / count], [2 / count**2]]))
+    return np.asarray(weights * np.array([[1.0], [1 / count], [2 / count**2], [6 / count**3]]))
 
 
 NOISE_WIDTH = float(4096 * np.sum(_kernel(4096)[0] ** 2))
@@ -196,9 +196,9 @@ def demodulate(
     """Demodulate a real signal (n,), sampled at ``rate`` [Hz], in windows in ascending order.
 
     ``phase`` gives the reference [rad] at times [s]; ``orders`` are harmonics, ascending, 0 the mean.
-    Returns (windows, orders, 3): the envelope and its first and second time derivative.
+    Returns (windows, orders, 4): the envelope and its first three time derivatives.
     """
-    out = np.zeros((len(windows), len(orders), 3), dtype=np.complex128)
+    out = np.zeros((len(windows), len(orders), 4), dtype=np.complex128)
     for batch in _batches(windows):
         step, count = int(windows.step[batch[0]]), int(windows.count[batch[0]])
         begin = int(windows.first[batch[0]])
@@ -206,7 +206,7 @@ def demodulate(
         samples = np.asarray(signal[begin:end], dtype=np.float64)
         turn = np.exp(-1j * phase(np.arange(begin, end) / rate))
         mixed, reached = np.ones(1, dtype=complex), 0
-        kernel = _kernel(count).T / np.array([1.0, step / rate, (step / rate) ** 2]) / step
+        kernel = _kernel(count).T / (step / rate) ** np.arange(4) / step
         offsets = (windows.first[batch] - begin) // step
         for column, order in enumerate(orders):
             for _ in range(order - reached):
@@ -226,7 +226,7 @@ def fit_together(
     The cubics of all are unknowns of one weighted least squares, so that none leaks into another.
     Returns what ``demodulate`` does.
     """
-    out = np.zeros((len(windows), orders + 1, 3), dtype=np.complex128)
+    out = np.zeros((len(windows), orders + 1, 4), dtype=np.complex128)
     order = np.arange(orders + 1)
     for row, (first, size) in enumerate(zip(windows.first, windows.step * windows.count, strict=True)):
         place = np.arange(size) - (size - 1) / 2
@@ -239,7 +239,7 @@ def fit_together(
         solved = np.linalg.lstsq(design * root[:, None], samples * root, rcond=None)[0]
         real, imaginary = np.split(solved, [columns.shape[1]])
         cubic = real + 1j * np.concatenate([np.zeros(4), imaginary])
-        out[row] = cubic.reshape(-1, 4)[:, :3] * np.array([1.0, rate / size, 2 * (rate / size) ** 2])
+        out[row] = cubic.reshape(-1, 4) * np.array([1, 1, 2, 6]) * (rate / size) ** np.arange(4)
     return out
 
 
