@@ -324,8 +324,11 @@ def _follow_all(history: TimeHistory, start: float | None, rule: _Rule) -> list[
     ended = force_ends(history, len(history))
     if ended is None and start is None:
         refuse_growth(history, _strongest(history.response, history, band), band)
-    loudest = int(np.argmax(np.abs(history.response - np.median(history.response))))
-    line = _strongest(history.response[loudest if ended is None else ended :], history, band)
+    line = (
+        _line_of_motion(history, band)
+        if ended is None
+        else _strongest(history.response[ended:], history, band)
+    )
     decays, fault = [], None
     stretches = find_decays(history, line, band, start)
     for stretch in stretches:
@@ -344,6 +347,22 @@ def _follow_all(history: TimeHistory, start: float | None, rule: _Rule) -> list[
         doubts = [Finding("decay-not-free", "doubt", "", ends, names)] if rising else []
         decays[0] = replace(decays[0], findings=(several, *doubts, *decays[0].findings))
     return decays
+
+
+def _line_of_motion(history: TimeHistory, band: _Band) -> float:
+    """Return the frequency [Hz] of the strongest line from the largest response on, or from the hold's end.
+
+    The step from a displacement that is held to rest has more at low frequencies than the motion at its own.
+    """
+    away = history.response - np.median(history.response)
+    loudest = int(np.argmax(np.abs(away)))
+    if history.quantity == "displacement":
+        passed = loudest + int(np.argmax(away[loudest:] * np.sign(away[loudest]) <= 0))
+        line = _strongest(history.response[passed:], history, band)
+        # from its largest a motion passes rest within a quarter of a period
+        if passed - loudest > history.rate / line / 2:
+            return line
+    return _strongest(history.response[loudest:], history, band)
 
 
 def _follow_one(history: TimeHistory, stretch: Stretch, rule: _Rule) -> FreeDecay:
