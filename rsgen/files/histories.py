@@ -17,14 +17,15 @@ from rsgen.common.errors import MeasurementError, quote, shown_path
 from rsgen.common.finding import Finding, quantities
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
-from rsgen.files.column_titles import unit_doubts, unit_in
+from rsgen.files.column_titles import contradiction, unit_doubts, unit_in
 from rsgen.files.data_files import recognise_format
 from rsgen.files.file_table import file_of, read_channels, scaled
 from rsgen.files.inspection import clues
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.nominal_levels import level_of_file
 from rsgen.files.plan import HERTZ, SECONDS, HistoryRule, MeasuredTest
-from rsgen.files.tree import Entry
+from rsgen.files.tree import Entry, StoredArray
+from rsgen.formula.units import sensor_size
 
 _TIME_TOLERANCE = 1e-6
 """Of a sample: start and stop as near to one are the instant of it."""
@@ -33,7 +34,7 @@ _TIME_TOLERANCE = 1e-6
 def _rows(
     path: Path, test: MeasuredTest, wanted: Sequence[int | str], sha256: str | None, findings: list[Finding]
 ) -> dict[int | str, NDArray[Any]]:
-    """Read rows of samples, as they are in the file; a title that contradicts the case is doubted."""
+    """Read rows of samples as they are in the file, and instants [s]; a title against the case is doubted."""
     label = shown_path(path)
     groups, found, _ = read_channels(test, path, wanted, sha256)
     findings += found
@@ -52,12 +53,29 @@ def _rows(
             )
         if values.dtype.kind == "c":
             raise MeasurementError(f"{label}: {quote(name)} is complex; samples are real numbers")
-        rows[name] = values
+        is_time = test.history is not None and name == test.history.time
+        rows[name] = _in_seconds(test, label, channels[0], values, findings) if is_time else values
     titles = {name: channels[0].path for name, channels in groups.items()}
     for channel in test.sources:
         if channel.samples in rows:
             findings += unit_doubts(test, label, titles, channel)
     return rows
+
+
+def _in_seconds(
+    test: MeasuredTest, label: str, column: StoredArray, values: NDArray[Any], findings: list[Finding]
+) -> NDArray[Any]:
+    """Return instants (n,) [s], by their unit in the case or else in the file; doubt it where they differ."""
+    said, unit = sensor_size(column.unit, "s"), cast("HistoryRule", test.history).unit
+    size = SECONDS[unit] if unit else said or 1.0
+    if said is not None and said != size:
+        findings.append(contradiction(label, column.path, unit or "s", column.unit))
+    elif size != 1 and not unit:
+        about = {"file": label, "column": column.path, "unit": column.unit}
+        findings.append(
+            Finding("unit-of-file", "info", names=about | {"source": column.unit_source or "the file"})
+        )
+    return scaled(values, size)
 
 
 _SAMPLING_RATE = re.compile(r"(?i)f_?s$|f?samp\w*_?(rate|freq)|abtast")
@@ -215,10 +233,9 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
         rows[path] = _rows(path, test, list(dict.fromkeys(names)), sha256, findings)
     start = 0.0
     if rule.time is not None:
-        stamps = scaled(rows[main][rule.time], rule.factor)
-        rate, start = sampling_rate(stamps, f"{label}: {quote(rule.time)}", rule.rate)
+        rate, start = sampling_rate(rows[main][rule.time], f"{label}: {quote(rule.time)}", rule.rate)
     elif rule.rate_column is not None:
-        rate = _rate_in(label, rule.rate_column, rows[main][rule.rate_column]) * rule.factor
+        rate = _rate_in(label, rule.rate_column, rows[main][rule.rate_column])
     else:
         rate = rule.rate or 0.0
     samples = [rows[path][place] for path, place in zip(files, places, strict=True)]

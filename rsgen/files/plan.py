@@ -156,7 +156,9 @@ class HistoryRule(Checked):
     time: Column | None = declare(
         None, "A column of evenly spaced instants; rounded ones need the rate, too.", key="time.column"
     )
-    unit: Literal["s", "ms", "us"] = declare("s", "Of the column of instants.", key="time.unit")
+    unit: Literal["s", "ms", "us"] | None = declare(
+        None, "Of the column of instants; without it the unit that the file names, else s.", key="time.unit"
+    )
     start: Seconds | None = declare(None, "Leave out what comes before.", key="time.start")
     stop: Seconds | None = declare(None, "Leave out what comes after.", key="time.stop")
     band: tuple[Edge, Edge] | None = declare(
@@ -198,11 +200,6 @@ class HistoryRule(Checked):
             yield "time", "column, rate, both of them, or rate_column is needed"
         if self.band is not None and self.band[0] >= self.band[1]:
             yield "band", "the lowest frequency stands first, the highest above it"
-
-    @property
-    def factor(self) -> float:
-        """The column's numbers times this are seconds."""
-        return SECONDS[self.unit] if self.time is not None else 1.0
 
 
 @documented

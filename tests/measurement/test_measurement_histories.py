@@ -93,6 +93,23 @@ def test_instants_in_milliseconds_begin_where_they_say(tmp_path):
         read_record(path, history=swept(time="t", start=9000.0))
 
 
+@pytest.mark.parametrize(("title", "unit", "rate", "found"), [
+    ("t [ms]", None, 50.0, ["unit-of-file"]), ("t [ms]", "ms", 50.0, []),
+    ("t_ms", None, 50.0, ["unit-of-file"]), ("t", None, 0.05, []),
+    ("t [s]", "ms", 50.0, ["unit-contradicts-title"]), ("t [ms]", "s", 0.05, ["unit-contradicts-title"]),
+    ("t [min]", None, 0.05 / 60, ["unit-of-file"]),
+])  # fmt: skip
+def test_instants_have_the_unit_of_the_case_or_the_file_and_doubt_one_against_the_other(
+    tmp_path, title, unit, rate, found
+):
+    path = write_columns(tmp_path / "a.csv", f"{title},F [N],a [m/s^2]", 20 * np.arange(N), FORCE, FORCE)
+    keys = {"force": "F [N]", "response": "a [m/s^2]", "history": swept(time=title, unit=unit)}
+    got = read_record(path, **keys)
+    assert got.rate == pytest.approx(rate, rel=1e-9)
+    assert [finding.code for finding in got.findings] == found
+    assert all(sentence(one) for one in got.findings)
+
+
 def test_a_rate_beside_instants_must_be_theirs(tmp_path):
     # a step of 1/64 s, rounded to hundredths, with two samples missing where asked
     def read(rate, missing=0):
