@@ -96,7 +96,8 @@ def find_decays(
         No decay: the force does not end, or the amplitude does not fall.
     """
     first = 0 if start is None else max(0, round((start - history.start) * history.rate))
-    step = _HOP_PERIODS * history.rate / line
+    period = history.rate / line
+    step = _HOP_PERIODS * period
     high = _amplitudes(history.response[first:], history.rate, line, band)
     if not len(high):
         return [Stretch(_release(history, first, len(history), line)[0], len(history))]
@@ -122,10 +123,12 @@ def find_decays(
         given = start is not None and top == tops[0]
         if given:
             # at rest until later: the start was read off before the release
-            given = not _rests(history, first, begin, line)
+            rest = _at_rest(history, first, begin)
             # the peak of a decay without drive lies in its first spectra
-            seen = given and begin > first + SPECTRUM_PERIODS / _HOP_PERIODS * step
-            begin = first if given else begin
+            seen = rest <= period / 2 and begin > first + SPECTRUM_PERIODS / _HOP_PERIODS * step
+            # a sine that passes rest is as near to it for a fifteenth of a period
+            begin = first + rest if seen or rest <= period / 8 else begin
+            given = seen or not rest
         held = _held_until(history, first, first + int(top * step), end, line)
         if held is not None:
             begin, seen, given = held, True, False
@@ -225,10 +228,10 @@ def _held_until(history: TimeHistory, first: int, onset: int, end: int, line: fl
     return None
 
 
-def _rests(history: TimeHistory, first: int, begin: int, line: float) -> bool:
-    """Return whether a structure is at rest for half a period from ``first`` on, and moves at ``begin``."""
+def _at_rest(history: TimeHistory, first: int, begin: int) -> int:
+    """Return for how many samples from ``first`` on a structure is at rest that moves at ``begin``."""
     away = np.abs(history.response[first : begin + 1] - np.median(history.response[first:]))
-    return int(np.argmax(away > _SHARE_AT_REST * away[-1])) > history.rate / line / 2
+    return int(np.argmax(away > _SHARE_AT_REST * away[-1]))
 
 
 def _amplitudes(samples: NDArray[Any], rate: float, line: float, band: tuple[float, float] | None) -> Array:
