@@ -312,7 +312,8 @@ def make_measured(
     test = maker.make(MeasuredTest, table, "test", **known)
     maker.faults += [f"test.{fault}" for fault in _signal_faults(table, test)]
     if timed:
-        if table.excitation == "ring-down" and mass is None:
+        faulty = any(fault.startswith("system.mass:") for fault in maker.faults)
+        if table.excitation == "ring-down" and mass is None and not faulty:
             maker.faults.append(
                 "system.mass: is missing; a free decay determines stiffness and damping per mass only"
             )

@@ -313,10 +313,12 @@ class _Builder:
     def mass(self) -> float | None:
         value = self.document.system.mass
         if isinstance(value, str) and re.search(r"±|\+/?-", value):
+            error = re.search(r"(?:±|-)\s*(\d+(?:\.\d+)?)\)?\s*([A-Za-z]+)\s*\Z", value)
+            half = f', as mass_error = "{float(error[1]) / 2:g} {error[2]}"' if error else ""
             self.fault(
                 "system.mass",
                 f"{quote(value)} has an error; its standard error, half of a ± that holds for 95 %, stands "
-                'under mass_error, as mass_error = "7.5 g"',
+                f"under mass_error{half}",
             )
         elif value is not None:
             return self.maker.number("system.mass", value, KNOWN_MASS)

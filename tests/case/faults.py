@@ -70,7 +70,7 @@ OF_SIMULATED: list[Changes] = [
     {"truth.kn2": 1}, {"truth.c1": "3.8"},
     {"name": "a/b", "system.mass": 0, "truth.kn1": GONE}, {"element.2.forse": "x"},
     {"system.mass_error": "1 g"}, {"system.mass": {"value": "1.5 kg", "error": "15 g"}},
-    {"system.mass": "1.5 kg ± 15 g"},
+    {"system.mass": "1.5 kg ± 15 g"}, {"system.mass": "1.5 kg +- 1 %"},
     {"test.frequency": GONE, "test.frequncy": {"start": 7, "stop": 13, "count": 5}},
     *(
         {"element.2.force": "c1*v + z", "element.2.memory": memory, "truth.a": 1.0, "truth.b": 1.0}
@@ -118,6 +118,7 @@ OF_TABLE: list[Changes] = [
 OF_HISTORY: list[Changes] = [
     {"test.demodulation": {"band": [9, 8]}},
     {"system": GONE, "test.excitation": "ring-down", "test.force": GONE}, {"test.time": GONE},
+    {"system": {"mass": "310 +- 5 g"}, "test.excitation": "ring-down", "test.force": GONE},
     {"test.response.scale": "rms"},
     {"test.level": {"values": [1], "unit": "label"}, "identify": {"hold_out": ["0.6 V", "600 mV"]}},
     {"test.level": {"values": ["0.5 V"]}, "identify": {"hold_out": ["1.5 V"], "predict": ["4 V"]}},
