@@ -68,6 +68,19 @@ def test_a_mean_that_is_the_sensors_decides_no_ranking(mean: str) -> None:
     assert not any("jenkins" in one.name for one in ranking)
 
 
+def test_what_else_is_ranked_does_not_decide_whether_a_mean_is_the_sensors() -> None:
+    # a knee at the sensor's offset does without the mean what the knee at rest does
+    truth = rs.Oscillator(MASS, f"{BASE} + kb*Max(x, 0)", {"k": 8000.0, "c": 15.0, "kb": -2500.0})
+    plan = rs.MultisineTest((4, 9), (2.5, 20), 1.0, periods=4, noise_relative=NOISE / 4)
+    spectra = rs.simulate(truth, plan)
+    response = np.array(spectra.response)
+    response[:, :, 0] += 3e-4
+    laws = [f"{BASE} + kb*Max({x}, 0)" for x in ("x", "x - b")]
+    rest, moved = rs.rank(replace(spectra, response=response), laws)
+    assert "b" not in rest.values
+    assert moved.tied
+
+
 def test_the_rows_leave_what_the_fit_of_the_lines_leaves() -> None:
     spectra = virtual("cubic-spring")
     model = Model(as_elements(f"{BASE} + k3*x**3"))

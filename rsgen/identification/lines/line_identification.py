@@ -105,7 +105,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     """
     fit = fit_multisine(spectra, model)
     with np.errstate(all="ignore"):
-        for offset in _offset_findings(fit):
+        for offset in offset_findings(fit):
             without = replace(spectra, mean_known=False, findings=(*spectra.findings, offset))
             other = fit_multisine(without, model)
             names, errors = (*fit.law.parameters, "m"), np.sqrt(np.diag(fit.errors[0].covariance))
@@ -132,7 +132,7 @@ def mean_may_be_offset(spectra: MultisineSpectra) -> bool:
     return spectra.mean_known and spectra.periods > 1 and not spectra.base and not driven.any()
 
 
-def _offset_findings(fit: LineFit) -> list[Finding]:
+def offset_findings(fit: LineFit) -> list[Finding]:
     """Find that the law along the recorded motion has another mean force than was recorded; none or one.
 
     The lines above zero do not tell the zero of a displacement: a law of powers has another one of the same

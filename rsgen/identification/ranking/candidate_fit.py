@@ -366,6 +366,9 @@ class Round(ABC):
     counted: ClassVar[str]
     """Unit of the counts: points or lines."""
 
+    mean_unbalanced = False
+    """True if the leader has a mean force that was not recorded."""
+
     @property
     @abstractmethod
     def noise(self) -> float:

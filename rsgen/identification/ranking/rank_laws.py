@@ -205,8 +205,9 @@ def _all_rounds(
     harmonics stages of odd laws precede, and where one ends with a law that fits, all laws without memory are
     compared once, along its motion; not along that of a single law that a sum of odd ones outdoes, which the
     stage of these sums settles. A stage is passed over whose best law leaves more along the measured motion
-    than a right one does, but for the last. Before that, where none fits, laws without memory are compared
-    without a mean that may be the sensor's; their identification says whether it is.
+    than a right one does, but for the last. Before that, where none fits, or the best has a mean force that
+    was not recorded, laws without memory are compared without a mean that may be the sensor's; their
+    identification says whether it is.
     """
     plain = tuple(term for term in terms if not term.remembers)
     without_memory, last = (Candidates(given, some, terms_in_sum, test.fixed) for some in (plain, terms))
@@ -220,8 +221,8 @@ def _all_rounds(
     tried = set[Candidates]()
     for number, stage in enumerate(stages):
         progress(_SHARE_OF_STAGES * number / len(stages))
-        none_fits = number == len(stages) - 1 and not (rounds and _best_round(rounds).fits)
-        if none_fits and (other := test.without_mean()) is not None:
+        settled = rounds and (best := _best_round(rounds)).fits and not best.round.mean_unbalanced
+        if number == len(stages) - 1 and not settled and (other := test.without_mean()) is not None:
             laws = tuple(other.start(law.name, law.elements) for law in given)
             centred = _all_rounds(other, laws, plain, terms_in_sum, lambda share: None)
             if _best_round(centred).fits:
@@ -249,7 +250,7 @@ def _all_rounds(
             tried.add(stages[1])
             continue
         if best.systematic_misfit <= MISFIT_NEGLIGIBLE:
-            break
+            tried.update(stages)
     if fault is not None and not rounds:
         raise fault
     return rounds

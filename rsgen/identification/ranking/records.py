@@ -28,7 +28,7 @@ from rsgen.identification.lines.line_fit import (
     relative_to_force,
     start_values,
 )
-from rsgen.identification.lines.line_identification import mean_may_be_offset
+from rsgen.identification.lines.line_identification import mean_may_be_offset, offset_findings
 from rsgen.identification.ranking.balance import MAX_MOTION_DISTANCE, Trajectory, WhitenedBalance
 from rsgen.identification.ranking.candidate_fit import (
     MAX_UNEXPLAINED,
@@ -137,6 +137,11 @@ class RecordRound(Round):
 
     rows: LineBalance
     counted: ClassVar[str] = "lines"
+
+    @property
+    def mean_unbalanced(self) -> bool:  # type: ignore[override]
+        """True if the leader has a mean force that was not recorded."""
+        return bool(offset_findings(self.rows.fit))
 
     @property
     def noise(self) -> float:
