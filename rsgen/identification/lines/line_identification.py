@@ -317,7 +317,8 @@ def _fixed_findings(fit: LineFit, errors: Errors) -> list[Finding]:
             # the kilogram of a force per mass is no value that was given
             continue
         fixed = fit.fixed[name]
-        if free.gain >= least and abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed):
+        far = abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed)
+        if free.gain >= least and (far or _leaves_noise(fit, name)):
             left, times = misfit * _share_left(fit, free), float(np.sqrt(free.gain))
             found.append(fixed_contradicted(name, fixed, free.value, misfit=misfit, left=left, times=times))
     if fit.lines.weighed is not None:
@@ -330,6 +331,14 @@ def _fixed_findings(fit: LineFit, errors: Errors) -> list[Finding]:
                 fixed_contradicted("m", given, moved / rest, misfit=misfit, times=times, error=error)
             )
     return found
+
+
+def _leaves_noise(fit: LineFit, name: str) -> bool:
+    """Return True if a misfit beyond noise is gone with one fixed value free, as it is not of a wrong law."""
+    if not (fit.systematic and fit.misfit > MISFIT_NEGLIGIBLE):
+        return False
+    others = {other: value for other, value in fit.fixed.items() if other != name}
+    return not fit_lines(fit.lines, fit.law, others, fit.values, fit.mass).systematic
 
 
 def _resonance(found: BestLinear) -> Resonance:
