@@ -195,9 +195,10 @@ def test_a_given_mass_that_a_multisine_contradicts_is_named():
     law, values = "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 4e6, "c": 4.0}
     test = rsgen.MultisineTest((3.0, 8.0), (2.5, 20.0), 2.0, periods=8, noise_relative=0.01)
     spectra = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
-    # less than a hundredth counts where the right mass leaves nothing but noise
-    for off in (1.03, 0.993):
+    # less than a hundredth counts where the right mass leaves nothing but noise; a thousand is a unit
+    for off in (1.03, 0.993, 1e3):
         found = rsgen.identify(spectra, law, mass=off * MASS)
         (said,) = (finding for finding in found.verdict.decided_by if finding.code == "fixed-contradicted")
         assert said["fitted"] == pytest.approx(MASS, rel=0.005)
+    assert said.names["near"] == "milli"
     assert rsgen.identify(spectra, law, mass=MASS).verdict.state == "identified"

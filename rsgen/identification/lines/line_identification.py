@@ -313,14 +313,19 @@ def _fixed_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     least = max(MIN_SIGNIFICANT_GAIN, *(term.gain for term in errors.others.kinds["term"].values()))
     found, misfit = [], fit.misfit
     for name, free in fit_fixed_parameters(fit).items():
-        if name == "m" and fit.lines.spectra.per_mass:
-            # the kilogram of a force per mass is no value that was given
+        # the kilogram of a force per mass is no value that was given
+        if (name == "m" and fit.lines.spectra.per_mass) or free.gain < least:
             continue
-        fixed = fit.fixed[name]
-        far = abs(free.value) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed)
-        if free.gain >= least and (far or _leaves_noise(fit, name)):
-            left, times = misfit * _share_left(fit, free), float(np.sqrt(free.gain))
-            found.append(fixed_contradicted(name, fixed, free.value, misfit=misfit, left=left, times=times))
+        fixed, others = fit.fixed[name], {one: value for one, value in fit.fixed.items() if one != name}
+        # one step leads nowhere near from a mass in another unit
+        freed = fit_lines(fit.lines, fit.law, others, fit.values, fit.mass)
+        moved, left = (freed.law.named(freed.values) | {"m": freed.mass})[name] - fixed, freed.misfit
+        far = abs(moved) >= RELATIVE_CHANGE_NEGLIGIBLE * abs(fixed)
+        # no other value leaves nothing but noise next to a wrong law
+        far |= fit.systematic and misfit > MISFIT_NEGLIGIBLE and not freed.systematic
+        if far and left < misfit:
+            times = float(np.sqrt(free.gain))
+            found.append(fixed_contradicted(name, fixed, moved, misfit=misfit, left=left, times=times))
     if fit.lines.weighed is not None:
         # of the variance of the weighing the test has left that of the mass: the rest is that of their gap
         given, error = fit.lines.weighed
@@ -331,14 +336,6 @@ def _fixed_findings(fit: LineFit, errors: Errors) -> list[Finding]:
                 fixed_contradicted("m", given, moved / rest, misfit=misfit, times=times, error=error)
             )
     return found
-
-
-def _leaves_noise(fit: LineFit, name: str) -> bool:
-    """Return True if a misfit beyond noise is gone with one fixed value free, as it is not of a wrong law."""
-    if not (fit.systematic and fit.misfit > MISFIT_NEGLIGIBLE):
-        return False
-    others = {other: value for other, value in fit.fixed.items() if other != name}
-    return not fit_lines(fit.lines, fit.law, others, fit.values, fit.mass).systematic
 
 
 def _resonance(found: BestLinear) -> Resonance:
