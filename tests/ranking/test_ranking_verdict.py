@@ -89,6 +89,17 @@ def test_a_ranking_in_which_no_law_fits_names_the_even_force_that_is_missing() -
     assert rank(table, [*odd, "k*x + c*v + k2*x**2 + k3*x**3"]).fits
 
 
+def test_a_second_harmonic_of_the_exciter_decides_no_ranking() -> None:
+    table, laws = measured("cubic", 2e-3), ["k*x + c*v", "c*v + k*x + kn*x**3"]
+    second = 0.05 * table.force / (ABOUT["k"] - MASS * (2 * table.omega) ** 2)
+    is_second = np.arange(table.harmonics.shape[1]) == 2
+    shaken = changed(table, harmonics=table.harmonics + np.outer(second, is_second))
+    ranking = rank(shaken, laws)
+    assert ranking.fits
+    assert ranking.verdict.state == identify(shaken, laws[1]).verdict.state == "identified"
+    assert not rank(shaken, laws[:1]).fits
+
+
 @pytest.mark.parametrize("constant", [True, False])
 def test_the_zero_of_a_sensor_decides_no_ranking(constant: bool) -> None:
     table, laws = measured("cubic", 2e-3), ["k*x + c*v", "c*v + k*x + kn*x**3"]

@@ -459,6 +459,10 @@ class PointRound(Round):
         # real and imaginary part; a mean, and a fundamental without phases, is one number
         counted = np.bincount(np.repeat(np.arange(len(misfit)), 2)[1:], fitted.compared) * len(pairs)
         missing = beyond_chance(correlation, counted) & (misfit > max_misfits(points, len(misfit)))
+        others = missing[0] or missing[1::2].any()
+        if missing.any() and not others and fitted.candidate.law.odd and self.even_force(fitted) is None:
+            # as in an identification: even harmonics that no even force makes are those of the exciter
+            missing[:] = False
         unexplained = float(np.sqrt(np.sum(misfit[missing] ** 2)))
         where = {f"harmonic {h}": Quantity(float(misfit[h])) for h in np.flatnonzero(missing).tolist()}
         if missing[0]:
