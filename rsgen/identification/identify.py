@@ -220,6 +220,11 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     if quick.regression.sigma < _RESOLVED * accuracy:
         accuracy = _ACCURACIES[1]
     whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
+    by_chance = f_quantile(quick.regression.freedom, quick.regression.freedom, (1 + SIGNIFICANCE_LEVEL) / 2)
+    gain = (balanced.regression.rms_misfit / quick.regression.rms_misfit) ** 2
+    if not whole and law_misses(quick) and gain <= by_chance:
+        # exact corners are not what it misses, and all points would take minutes
+        return balanced
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
     if refitted is None:
         return balanced

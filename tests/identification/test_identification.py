@@ -241,6 +241,21 @@ def test_the_simulator_does_not_seek_values_that_no_balance_settles(monkeypatch)
     assert "not-converged" in codes(identify(small_joint("jenkins", 0.01), joint_law("jenkins")))
 
 
+@pytest.mark.parametrize(("name", "asked"), [("cubic", 1), ("coulomb", 2)])
+def test_exact_corners_that_mend_no_misfit_of_some_points_are_not_sought_at_all(name, asked, monkeypatch):
+    module, points = importlib.import_module("rsgen.identification.identify"), list[int]()
+    fit_simulator = module.fit_simulator
+
+    def counted(problem, start, **how):
+        points.append(len(problem.observed.points))
+        return fit_simulator(problem, start, **how)
+
+    monkeypatch.setattr(module, "fit_simulator", counted)
+    monkeypatch.setattr(module, "SUBSAMPLE_POINTS", 80)
+    identify(surface(name), LAWS["coulomb"][0])
+    assert len(points) == asked
+
+
 @pytest.mark.slow
 def test_parameters_that_ran_away_are_not_said_to_need_higher_levels_alone():
     """A Jenkins element is an Iwan joint of chi without end."""
