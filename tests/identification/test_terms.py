@@ -244,9 +244,13 @@ def seen_on_base(*, absolute: bool, gain: float, turn: float, delay: float) -> r
 @pytest.mark.parametrize(
     ("name", "value"), [("gain", 0.008), ("gain", -0.02), ("turn", 0.0175), ("delay", 2e-4)]
 )
-def test_a_sensor_of_a_driven_base_that_is_off_is_named_with_its_value(absolute, name, value):
-    wrong = {"gain": 0.0, "turn": 0.0, "delay": 0.0} | {name: value}
+def test_a_sensor_of_a_driven_base_that_is_off_is_named_with_its_value(absolute, name, value, monkeypatch):
+    wrong, widen = {"gain": 0.0, "turn": 0.0, "delay": 0.0} | {name: value}, Alternatives.widen
+    other = rs.Finding("law-ambiguous", "warning", "c", names={"background": "residuals"})
+    monkeypatch.setattr(Alternatives, "widen", lambda *what: (*widen(*what)[:2], [other]))
     found = rs.identify(seen_on_base(absolute=absolute, **wrong), CUBIC)
+    # no background is advised for what the ratio of both sensors explains
+    assert (other in found.findings) is (name != "gain")
     said = only(found, "channels-delayed")
     assert found.verdict.state == "doubtful"
     assert said[name] == pytest.approx(value, rel=0.05)
