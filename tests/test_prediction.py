@@ -450,11 +450,22 @@ def test_the_travel_at_the_largest_amplitude_is_that_of_the_motion_in_time():
     curve = predict(blade, [9.0], band=(26.0, 36.0))[9.0]
     test = SimulatedTest([9.0], [curve.largest[0]], method="time", harmonics=8)
     motion = Motion(2 * np.pi * np.array([curve.largest[0]]), simulate(blade, test).harmonics)
-    x, _, _ = motion.waveforms(256)
+    x, _, acceleration = motion.waveforms(256)
     np.testing.assert_allclose(curve.travel, (x.min(), x.max()), rtol=2e-3)
+    assert curve.acceleration == pytest.approx(np.abs(acceleration).max(), rel=2e-3)
     assert curve.travel[1] > 1.05 * curve.largest[1]
     said = largest_of_curve(curve, "", (0.0, np.inf))
-    assert (said["least"], said["most"]) == curve.travel
+    assert (said["least"], said["most"], said["acceleration"]) == (*curve.travel, curve.acceleration)
+
+
+def test_the_acceleration_of_a_driven_base_is_the_absolute_one():
+    table = simulated("k*x + c*v", {"k": 2e4, "c": 80.0}, [1.0, 2.0], (10, 25, 61), 2.0, base="acceleration")
+    found = identify(table, "k*x + c*v")
+    curve = predict(found, [3.0])[3.0]
+    omega, per_mass = 2 * np.pi * curve.largest[0], 2e4 / 2.0 + 40j * (2 * np.pi * curve.largest[0])
+    absolute = 3.0 * abs(per_mass / (per_mass - omega**2))
+    assert absolute > 1.05 * omega**2 * curve.largest[1]
+    assert curve.acceleration == pytest.approx(absolute, rel=1e-3)
 
 
 @pytest.mark.parametrize(("law", "values", "level"), [

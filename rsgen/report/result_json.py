@@ -352,6 +352,7 @@ def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
         **{name: finite_or_none(value) for name, value in zip(names, largest, strict=True)},
         "frequency_interval": list(map(finite_or_none, curve.peak_interval)),
         "travel": list(map(finite_or_none, curve.travel)),
+        "acceleration": finite_or_none(curve.acceleration),
         "still_rising": len(curve.frequency) > 0 and curve.rises_at_end,
         "jumps": [
             {

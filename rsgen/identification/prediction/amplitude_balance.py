@@ -81,7 +81,7 @@ class AmplitudeBalance:
     def __init__(self, identification: Identification) -> None:
         self._law = compile_law(identification.model.force)
         self._values = np.array(identification.solution)
-        self._mass = identification.mass
+        self._mass, self._driven = identification.mass, bool(identification.curve.base)
         # with jumps the higher harmonics of a balance do not converge near sticking
         self._order = START_HARMONICS if self._law.jumps else BALANCE_HARMONICS
         self._following = following_harmonics(self._law, self._order)
@@ -109,11 +109,9 @@ class AmplitudeBalance:
         mean = tuple(h for h in self._following if h == 0)
         rough = hold(omega[lost], size[lost], np.zeros_like(guess[lost]), mean, self._samples)
         merged = {}
-        for entry in fields(Response):
-            if getattr(at, entry.name) is None:
-                continue
-            merged[entry.name] = np.array(getattr(at, entry.name))
-            merged[entry.name][lost] = getattr(rough, entry.name)
+        for name in (entry.name for entry in fields(Response) if getattr(at, entry.name) is not None):
+            merged[name] = np.array(getattr(at, name))
+            merged[name][lost] = getattr(rough, name)
         return Response(**merged)
 
     def force_spread(self, at: Response) -> Array:
@@ -148,12 +146,22 @@ class AmplitudeBalance:
             here = (np.abs(peak - omega) < step) & (half < MAX_LINEAR_CHANGE * omega)
         return np.where(here, (peak + np.outer([-1, 1], half)) / (2 * np.pi), np.nan)
 
-    def travel(self, size: Array, omega: Array) -> tuple[float, float]:
-        """Return the least and the largest displacement [m] of a motion with X (1,) [m]; NaN without."""
+    def travel(self, size: Array, omega: Array, seen: ComplexArray) -> tuple[tuple[float, float], float]:
+        """Return least and largest displacement [m] and largest |acceleration| [m/s^2] at X (1,) [m], or NaN.
+
+        The fundamental at the sensor is ``seen`` (1,) [m]. On a driven base m x'' + f = F = -m a_base: the
+        base moves by F/(m omega^2), and the acceleration is the absolute one, -f/m.
+        """
         if not len(size):
-            return nan, nan
-        x, _, _ = Motion(omega, self.solve(size, omega).harmonics).waveforms(self._samples)
-        return float(x.min()), float(x.max())
+            return (nan, nan), nan
+        at = self.solve(size, omega)
+        motion = np.array(at.harmonics)
+        motion[:, 1] = seen
+        x, _, _ = Motion(omega, motion).waveforms(self._samples)
+        if self._driven:
+            motion[:, 1] += at.force / (self._mass * omega**2)
+        _, _, acceleration = Motion(omega, motion).waveforms(self._samples)
+        return (float(x.min()), float(x.max())), float(np.abs(acceleration).max())
 
     def frequency_spread(self, spread: Array, size: Array, omega: Array, start: ComplexArray) -> Array:
         """Return the half width (n,) of the 95 % band [rad/s] of the frequency of folds at X (n,) [m].
@@ -405,8 +413,7 @@ class AmplitudeBalance:
     def _newton_amplitude(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Solve for the amplitudes (n,) [m] of the levels by Newton's method; return a mask of converged."""
         start, first = None, np.array(size)
-        gain = np.ones(len(size))
-        miss = np.full(len(size), np.inf)
+        gain, miss = np.ones(len(size)), np.full(len(size), np.inf)
         for _ in range(_MAX_ITERATIONS):
             at = self.solve(size, omega, start)
             start = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
@@ -474,9 +481,9 @@ class SynthesisBalance(AmplitudeBalance):
         mode = SplineMode(omega, splines.basis, splines.orders)
         return mode(splines.values, splines.mass, size)
 
-    def travel(self, size: Array, omega: Array) -> tuple[float, float]:
+    def travel(self, size: Array, omega: Array, seen: ComplexArray) -> tuple[tuple[float, float], float]:
         """Return NaN: a table has no harmonics."""
-        return nan, nan
+        return (nan, nan), nan
 
     def multiplier(self, at: Response, omega: Array) -> ComplexArray:
         """Return NaN (n,): the slopes of a law are not known."""

@@ -105,6 +105,8 @@ class ResonanceCurve(Brief):
     travel
         Least and largest displacement from rest at the largest amplitude [m], with all harmonics: further
         than the fundamental at stops, or where the law is not symmetric. NaN of modal tables.
+    acceleration
+        Largest |acceleration| of the mass there [m/s^2], of a driven base the absolute one; NaN as for these.
     multiplier
         (k,) the Floquet multiplier that, with folds, decides on stability: below -1 the period doubles, as
         next to a stop on one side, beyond 1 the motion loses its symmetry. NaN where it is not computed:
@@ -124,6 +126,7 @@ class ResonanceCurve(Brief):
     force: float = nan
     peak_interval: tuple[float, float] = (nan, nan)
     travel: tuple[float, float] = (nan, nan)
+    acceleration: float = nan
     multiplier: ComplexArray = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
     def __post_init__(self) -> None:
@@ -162,9 +165,8 @@ class ResonanceCurve(Brief):
         A curve has its ends on both sides of a peak; the middle of ``peak_interval`` lies between them.
         """
         top = int(np.nanargmax(self.amplitude))
-        size, low, high, at = (
-            float(of[top]) for of in (self.amplitude, self.lower, self.upper, self.frequency)
-        )
+        amounts = self.amplitude, self.lower, self.upper, self.frequency
+        size, low, high, at = (float(of[top]) for of in amounts)
         middle = sum(self.peak_interval) / 2
         return (middle if np.isfinite(middle) else at), size, low, high
 
@@ -330,12 +332,10 @@ def largest_of_curve(
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
             slow, fast = curve.peak_interval
             numbers |= quantities("Hz", at_low=slow, at_high=fast) if slow < fast else {}
-            least, most = curve.travel
-            if max(-least, most) > (1 + RELATIVE_CHANGE_NEGLIGIBLE) * size:
-                numbers |= quantities("m", least=least, most=most)
-    return Finding(
-        "level-predicted", "info", "", numbers, {name: said for name, said in names.items() if said}
-    )
+            numbers |= quantities("m", least=curve.travel[0], most=curve.travel[1])
+            numbers |= quantities("m/s^2", acceleration=curve.acceleration)
+    names = {name: said for name, said in names.items() if said}
+    return Finding("level-predicted", "info", "", numbers, names)
 
 
 def known_beyond(

@@ -347,7 +347,7 @@ def _compare_peaks(
             numbers |= {"sought": Quantity(float(size[0]) if len(size) else height, "m")}
         else:
             seen, _ = _at_sensor(found, omega, size, balance.solve(size, omega).force)
-            at, height = float(omega[0]) / (2 * np.pi), float(seen[0])
+            at, height = float(omega[0]) / (2 * np.pi), float(abs(seen[0]))
     low, high = sorted((frequency[top], at))
     between = run.amplitude[(frequency > low) & (frequency < high) & (run.sweep == run.sweep[top])]
     sizes = quantities("m", measured=measured, peak=height, frequency=Quantity(at, "Hz"))
@@ -376,8 +376,7 @@ def _curve(
     force = level * _force_per_level(identification)
     spans = balance.spans(force, window)
     parts = [part for span in spans for part in _branches(balance, force, span, window)]
-    columns = list[ComplexArray]()
-    folds: list[tuple[float, ...]] = []
+    columns, folds = list[ComplexArray](), list[list[float]]()
     for omega, size, harmonics in parts:
         # without them a law with several motions of an amplitude may answer with another one
         at = balance.solve(size, omega, harmonics)
@@ -389,15 +388,16 @@ def _curve(
         slope = np.diff(omega)
         turn = np.flatnonzero(slope[:-1] * slope[1:] < 0) + 1
         half = balance.frequency_spread(band[turn], size[turn], omega[turn], at.harmonics[turn])
-        folds += np.stack([omega[turn] / (2 * np.pi), seen[turn], half / (2 * np.pi)], axis=1).tolist()
-        real = (omega / (2 * np.pi), seen, lag, gain, seen - spread, seen + spread, size)
+        folds += np.stack([omega[turn], np.abs(seen[turn]), half], axis=1).tolist()
         # a point without numbers separates the parts
-        columns += [np.full((8, 1), np.nan + 0j), np.array([*real, balance.multiplier(at, omega)])]
-    whole = np.concatenate(columns[1:] or [np.zeros((8, 0), complex)], axis=1)
-    frequency, amplitude, phase, gain, lower, upper, sizes = whole[:7].real
-    multiplier = whole[7]
+        part = np.array([omega, lag, gain, spread, size, seen, balance.multiplier(at, omega)])
+        columns += [np.full((7, 1), np.nan + 0j), part]
+    whole = np.concatenate(columns[1:] or [np.zeros((7, 0), complex)], axis=1)
+    (omega, phase, gain, spread, sizes), (seen, multiplier) = whole[:5].real, whole[5:]
+    frequency, amplitude = omega / (2 * np.pi), np.abs(seen)
     top = np.argsort(amplitude)[np.isfinite(amplitude).sum() - 1 :][:1]
-    ends = balance.peak_interval(sizes[top], 2 * np.pi * frequency[top])
+    ends = balance.peak_interval(sizes[top], omega[top])
+    travel, acceleration = balance.travel(sizes[top], omega[top], seen[top])
     return ResonanceCurve(
         level=level,
         level_unit="m/s^2" if identification.curve.base else identification.curve.units.force,
@@ -410,23 +410,25 @@ def _curve(
         | (sizes < tested[0] / BEYOND)
         | (frequency < known[0])
         | (frequency > known[1]),
-        lower=np.maximum(lower, 0.0),
-        upper=upper,
-        folds=np.array(folds).reshape(-1, 3),
-        travel=balance.travel(sizes[top], 2 * np.pi * frequency[top]),
+        lower=np.maximum(amplitude - spread, 0.0),
+        upper=amplitude + spread,
+        folds=np.array(folds).reshape(-1, 3) / [2 * np.pi, 1, 2 * np.pi],
+        travel=travel,
+        acceleration=acceleration,
         peak_interval=(float(ends[0, 0]), float(ends[1, 0])) if ends.size else (nan, nan),
         multiplier=multiplier,
     )
 
 
-def _at_sensor(found: Identification, omega: Array, size: Array, force: ComplexArray) -> tuple[Array, Array]:
-    """Return amplitude and lag of the response at the sensor, background included."""
-    background = found.background
-    if background is None:
-        return size, np.angle(force) % (2 * np.pi)
+def _at_sensor(
+    found: Identification, omega: Array, size: Array, force: ComplexArray
+) -> tuple[ComplexArray, Array]:
+    """Return the response at the sensor, background included, in phase with X of the mode, and its lag."""
+    if (background := found.background) is None:
+        return size + 0j, np.angle(force) % (2 * np.pi)
     shape, values = background.shape(omega, np.abs(force)), background.values
     response = size + shape.receptance(values) * force
-    return np.abs(response), np.angle(force / shape.turn(values) / response) % (2 * np.pi)
+    return response, np.angle(force / shape.turn(values) / response) % (2 * np.pi)
 
 
 def _branches(
@@ -473,8 +475,7 @@ def _side(
 
 def _respond(found: Identification, balance: AmplitudeBalance, surface: ResponseSurface) -> ComplexArray:
     """Return the predicted fundamental (n,) [m] at the sensor, on the branch nearest to the measured one."""
-    background = found.background
-    if background is None:
+    if (background := found.background) is None:
         return balance.respond(surface)
     shape, values = background.shape(surface.omega, surface.force), background.values
     mode = shape.subtract(surface, values)
@@ -568,9 +569,8 @@ def _with_swing(found: Identification, curve: ResonanceCurve, said: Finding) -> 
             start, way = jump.amplitude * np.exp(-1j * curve.phase[at]), (jump.frequency, jump.sweep)
             far.append(largest_after_jump(found.oscillator, curve.force, *way, start, jump.landing))
     swing = float(np.fmax.reduce(far))
-    return (
-        replace(said, numbers={**said.numbers, **quantities("m", swing=swing)}) if isfinite(swing) else said
-    )
+    more = quantities("m", swing=swing) if isfinite(swing) else {}
+    return replace(said, numbers={**said.numbers, **more})
 
 
 def shown_levels(
