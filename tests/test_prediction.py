@@ -688,6 +688,7 @@ def test_a_free_decay_has_no_band_that_cuts_its_curves():
     assert not curve.rises_at_end
     assert np.nanmax(curve.amplitude) == pytest.approx(0.2 / (1.2 * np.sqrt(4000.0)), rel=1e-2)
     assert np.nanmin(curve.amplitude) < np.nanmax(curve.amplitude) / 2
+    assert "no jump" in sentence(only(found, "level-predicted"))
     assert "not known" not in sentence(only(found, "level-predicted"))
 
 

@@ -544,7 +544,7 @@ class Prediction(Printed):
             return TextTable(of_records, tuple(scores), notes=tuple(map(str, self.findings)))
         rows = []
         for curve in self:
-            highest, extrapolated, travel = [short(nan)] * 3, "", short(nan)
+            highest, extrapolated, travel, jumps = [short(nan)] * 3, "", short(nan), ""
             if len(curve.frequency):
                 top = int(np.nanargmax(curve.amplitude))
                 (slow, fast), (at, size, low, high) = curve.peak_interval, curve.largest
@@ -553,10 +553,10 @@ class Prediction(Printed):
                 around = f" ({slow:.{digits}g} to {fast:.{digits}g})" if slow < fast else ""
                 highest = [short(size), band, f"{at:.{digits}g}{around}"]
                 travel = "{} to {}".format(*map(short, curve.travel))
+                jumps = ", ".join(jump.in_words() for jump in curve.jumps) or "none"
                 highest[2] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
                 extrapolated = "yes" if curve.extrapolated[top] else "no"
-            jumps = ", ".join(jump.in_words() for jump in curve.jumps)
             rows.append((short(curve.level), *highest, travel, jumps, extrapolated))
         unit = self.curves[0].level_unit if self.curves else "N"
         heads = (
