@@ -93,6 +93,7 @@ def _doubts_of_file(test: MeasuredTest, path: Path, rate: float | None, length: 
     with suppress(MeasurementError):
         contents = list_contents(path)
         entries = clues.readable(contents)
+        declared = [sensor_size(channel.unit or channel.si_unit, "m/s^2") for channel in test.sources]
         # titles with a unit in them were compared, as all those of a text
         for entry in entries if contents.format != "csv" else ():
             for one in clues.channels_of(entry, contents):
@@ -101,8 +102,13 @@ def _doubts_of_file(test: MeasuredTest, path: Path, rate: float | None, length: 
                 }
                 for channel in test.sources:
                     place = re.sub(r"\[(?::,)?(\d+)(?:,:)?\]\Z", r"[\1]", str(channel.samples))
+                    target = test.unit_of(channel)
+                    if one.unit_source == clues.FOR_ALL and (
+                        target == "N" or sensor_size(one.unit, "m/s^2") in declared
+                    ):
+                        continue
                     if one.unit and place == one.path and unit_in(place) != one.unit:
-                        read = replace(channel, samples=place, unit=channel.unit or test.unit_of(channel))
+                        read = replace(channel, samples=place, unit=channel.unit or target)
                         found += unit_doubts(test, shown_path(path), titles, read)
         for entry in entries:
             rates, error = ([], 0.0) if rate is None else _rates_by(test, path, entry, length)

@@ -13,8 +13,10 @@ from rsgen.common.errors import MeasurementError
 from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
 from rsgen.files.histories import _record, read_motions
+from rsgen.files.inspection import clues
+from rsgen.files.inspection.listing import list_contents
 from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
-from rsgen.files.signals import Channel
+from rsgen.files.signals import BaseRule, Channel
 from rsgen.report.sentences import next_step
 from tests.measurement.tables import write_columns
 
@@ -189,6 +191,25 @@ def test_volts_that_are_read_as_a_motion_are_doubted(tmp_path, texts, given, dou
     if doubted:
         assert "data[2], accelerometer [V] is read in g, but the file says V" in said[0]
         assert 'write unit = "V", and as factor the sensitivity' in next_step(got.findings[0])
+
+
+@pytest.mark.parametrize(("text", "units", "doubted"), [
+    ("g", ("m/s^2", "m/s^2"), 2), ("g", ("g", "m/s^2"), 0), ("m/s²", ("g", "g"), 2), ("V", ("g", "g"), 0),
+    ("g", (None, None), 2),
+])  # fmt: skip
+def test_a_unit_of_acceleration_that_the_file_has_for_all_is_compared_and_proposed(
+    tmp_path, text, units, doubted
+):
+    channels = {"table": FORCE, "top": ACCELERATION[0], "fs": 50.0, "unit": text}
+    scipy.io.savemat(tmp_path / "a.mat", channels)
+    base = BaseRule(Channel(samples="table", unit=units[0], quantity="acceleration"), "absolute")
+    got = read_record(
+        tmp_path / "a.mat", force=None, base=base, response=Channel(samples="top", unit=units[1])
+    )
+    assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
+    proposed = {one.path: one.unit for one in clues.readable(list_contents(tmp_path / "a.mat"))}
+    unit = "" if text == "V" else text.replace("²", "^2")
+    assert proposed == {"table": unit, "top": unit, "fs": ""}
 
 
 def test_a_start_that_cuts_a_decay_is_named(tmp_path):

@@ -149,8 +149,23 @@ def readable(contents: Contents) -> list[Entry]:
             named = entry if entry.title else replace(entry, title=name_beside(entry.path, texts))
             name = last_name(named)
             unit = named.unit or unit_beside(entry.path, texts) or unit_in(name) or split_within(name)[1]
+            if not unit and (unit := _acceleration_for_all(named, texts)):
+                named = replace(named, unit_source=FOR_ALL)
             found.append(replace(named, unit=plain_unit(unit)))
     return [entry for entry in _with_listed_names(found, contents) if not _SPREAD(entry)]
+
+
+def _acceleration_for_all(entry: Entry, texts: Mapping[str, str]) -> str:
+    """Return the unit of acceleration that a text "unit" has for no channel in particular, or "".
+
+    It is that of a record whose name is of no force, time or other motion.
+    """
+    said = next((plain_unit(texts[word].strip("[]() ")) for word in _UNITS if word in texts), "")
+    name = last_name(entry).casefold()
+    others = {kind for word, kind in NAMES.items() if word in name} - {"acceleration"}
+    other = others or is_phase(entry) or any(of(entry) for of in (TIME, FREQUENCY, FORCE, LEVEL, RATE))
+    record = is_real(entry) and max(entry.shape, default=1) == entry.size > 1
+    return said if record and not other and said and unit_for(said, "m/s^2") else ""
 
 
 _WITHIN = re.compile(r"\s?[\[(]\s*([^()\[\]]{1,12}?)\s*[\])](?=\s)")
@@ -160,6 +175,8 @@ _LAST = re.compile(r"(?<=\S)\s+(\S{1,12})\Z")
 _NO_UNIT = ("", "-", "1", "%")
 """Texts that stand in a row of units and say nothing at the end of a title."""
 
+FOR_ALL = "by a text of the file that names no channel"
+"""The source of such a unit."""
 _UNITS = ("unit", "units", "Unit", "Units")
 _NAMES = ("name", "Name", "SignalName", "ChannelName", "channel_name", "label", "Label", "Title")
 _SPELLINGS = (
