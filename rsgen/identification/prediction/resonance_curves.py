@@ -425,7 +425,7 @@ def _at_sensor(
 ) -> tuple[ComplexArray, Array]:
     """Return the response at the sensor, background included, in phase with X of the mode, and its lag."""
     if (background := found.background) is None:
-        return size + 0j, np.angle(force) % (2 * np.pi)
+        return size.astype(np.complex128), np.angle(force) % (2 * np.pi)
     shape, values = background.shape(omega, np.abs(force)), background.values
     response = size + shape.receptance(values) * force
     return response, np.angle(force / shape.turn(values) / response) % (2 * np.pi)
