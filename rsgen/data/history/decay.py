@@ -324,11 +324,10 @@ def _follow_all(history: TimeHistory, start: float | None, rule: _Rule) -> list[
     ended = force_ends(history, len(history))
     if ended is None and start is None:
         refuse_growth(history, _strongest(history.response, history, band), band)
-    line = (
-        _line_of_motion(history, band)
-        if ended is None
-        else _strongest(history.response[ended:], history, band)
-    )
+    if ended is None:
+        line = _line_of_motion(history, band)
+    else:
+        line = _strongest(history.response[ended:], history, band)
     decays, fault = [], None
     stretches = find_decays(history, line, band, start)
     for stretch in stretches:

@@ -205,9 +205,8 @@ def _all_rounds(
     harmonics stages of odd laws precede, and where one ends with a law that fits, all laws without memory are
     compared once, along its motion; not along that of a single law that a sum of odd ones outdoes, which the
     stage of these sums settles. A stage is passed over whose best law leaves more along the measured motion
-    than a right one does, but for the last. Before that, where none fits, or the best has a mean force that
-    was not recorded, laws without memory are compared without a mean that may be the sensor's; their
-    identification says whether it is.
+    than a right one does, but for the last. Before that, where none fits or the best has a mean force not
+    recorded, laws without memory are compared without the mean; their identification says whose it is.
     """
     plain = tuple(term for term in terms if not term.remembers)
     without_memory, last = (Candidates(given, some, terms_in_sum, test.fixed) for some in (plain, terms))

@@ -453,8 +453,7 @@ class PointRound(Round):
         total, random = _neighbour_noise(fitted.residual, pairs, fitted.compared)
         shared = np.maximum(total**2 - random**2, 0.0)
         systematic = float(np.sqrt(np.nansum(self.noises**2 * shared)))
-        shared = np.nan_to_num(shared)
-        misfit = self.noises * np.sqrt(shared)
+        misfit = self.noises * np.sqrt(np.nan_to_num(shared))
         correlation = np.nan_to_num(shared / np.maximum(total**2, 1e-300))
         # real and imaginary part; a mean, and a fundamental without phases, is one number
         counted = np.bincount(np.repeat(np.arange(len(misfit)), 2)[1:], fitted.compared) * len(pairs)
