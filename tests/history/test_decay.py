@@ -1,6 +1,7 @@
 """Free decays: k(X), c(X) against describing functions, bands against scatter, forced against free."""
 
 import re
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -15,6 +16,7 @@ from rsgen.data.history import TimeHistory, follow_decay, from_free_decay
 from rsgen.data.history.decay import _scatter
 from rsgen.data.oscillator import Model
 from rsgen.identification.fitting.points import select_points
+from rsgen.report.sentences import headline
 from tests.surfaces import codes
 from tests.virtual import only
 
@@ -429,6 +431,20 @@ def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_name
     assert np.array_equal(early.damping, follow_decay(history, mass=0.62).damping)
     with pytest.raises(MeasurementError, match=r"or the start of 8.4 s cuts it"):
         follow_decay(history, mass=0.62, start=8.4)
+
+
+@pytest.mark.parametrize(("law", "fixed", "said"), [
+    ("k*x + c*v", {}, False), ("k*x + c*v + k3*x**3", {}, True), ("k*x + c*v + k3*x**3", {"k3": 1e4}, False),
+])  # fmt: skip
+def test_that_nothing_checks_the_size_of_a_decay_is_said_where_values_depend_on_it(law, fixed, said) -> None:
+    """An acceleration read as a displacement was "identified" with a cubic term twice its size."""
+    motion = 1e-3 * free(0.4, 20) + 1e-7 * np.random.default_rng(0).standard_normal(10000)
+    surface = from_free_decay(TimeHistory(RATE, None, motion), mass=1.0)
+    verdict = rsgen.identify(surface, law, mass=1.0, fixed=fixed).verdict
+    assert verdict.summary is not None
+    assert ("force" in verdict.summary.names) is said
+    shown = headline(replace(verdict, state="identified"))
+    assert ("nothing but a title" in shown) is said
 
 
 def test_levels_of_decays_are_labels() -> None:

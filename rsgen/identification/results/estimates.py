@@ -201,8 +201,14 @@ def largest_tested(amplitude: Array, level: Array, level_unit: str) -> dict[str,
     return quantities("m", amplitude=amplitude.max()) | quantities(level_unit, level=level.max())
 
 
+_FREE_OF_SIZE = ("", "kg", "N/m", "N*s/m")
+"""Units of values that do not change with a factor of the motion of a free decay."""
+
+
 def missing_unit_check(test: Records, model: Model, units: Mapping[str, str]) -> str:
-    """Return what would check the units of a test and is not known, "mass" or "levels"; "" if they are right.
+    """Return what would check the units of a test and is not known; "" if they are right.
+
+    It is "mass", "levels" or, of a decay whose law has values that depend on the size of the motion, "force".
 
     Those of a simulation are, and of forces where a mass, force or stiffness is given. On a driven base a
     factor of both motions changes amplitudes alone: levels in their unit show it, or a given length.
@@ -214,6 +220,9 @@ def missing_unit_check(test: Records, model: Model, units: Mapping[str, str]) ->
         has_length = any(read_unit(unit).dimension.powers.get("m") for unit in given)
         measured = any(found.names.get("signal") == "levels" for found in test.findings)
         return "levels" if (measured or test.label is not None) and not has_length else ""
+    if any(found.code == "force-of-decay" for found in test.findings):
+        sized = {name for name, unit in units.items() if unit not in _FREE_OF_SIZE}
+        return "force" if sized - set(model.fixed) == sized != set() else ""
     return "" if model.weighed or any("N" in unit for unit in given) else "mass"
 
 
@@ -229,14 +238,14 @@ def outcome_of(
 
     Of ``moves``, by how many per cent each value moves with one of the mass, the largest is told that is
     clearly more than one, and more than a standard error. Nothing checks the units of a test
-    with a ``missing_check`` (``missing_unit_check``): its mass, which is free, or levels that are amounts.
+    with a ``missing_check`` (``missing_unit_check``): its free mass, a force, or levels that are amounts.
     """
     identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
     numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)
     error = {e.name: 100 * e.standard_error / abs(e.value) for e in estimates if e.identifiable and e.value}
     moving = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
     most = max(moving, key=lambda name: abs(moving[name]), default="")
-    names = {"levels": "labels"} if missing_check == "levels" else {}
+    names = {"levels": {"levels": "labels"}, "force": {"force": "of the motion"}}.get(missing_check, {})
     if most and round(abs(moving[most])) > 1:
         numbers, names = numbers | quantities(moves=moving[most]), names | {"moves": most}
     elif missing_check == "mass":
