@@ -1,5 +1,6 @@
 """Periodic multisines: motions are chosen, the force they need follows exactly, the law is to be found."""
 
+import dataclasses
 from functools import cache
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import rsgen
 from rsgen.common.arrays import Array
 from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.history import TimeHistory, from_multisine
+from rsgen.data.multisine.linear import misread_lines
 from tests.surfaces import codes, errors
 
 OMEGA0 = 2 * np.pi * 0.5
@@ -202,3 +204,12 @@ def test_a_given_mass_that_a_multisine_contradicts_is_named():
         assert said["fitted"] == pytest.approx(MASS, rel=0.005)
     assert said.names["near"] == "milli"
     assert rsgen.identify(spectra, law, mass=MASS).verdict.state == "identified"
+
+
+def test_exchanged_channels_of_a_multisine_are_named():
+    law, values = "k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 15.0}
+    test = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 1.0, periods=4, noise_relative=0.01)
+    right = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+    assert not misread_lines(right)
+    found = rsgen.identify(dataclasses.replace(right, force=right.response, response=right.force), law)
+    assert [one.names["is"] for one in found.findings if one.code == "another-quantity"] == ["exchanged"]

@@ -21,11 +21,13 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, require
 from rsgen.common.finding import Finding
 from rsgen.common.text_table import short
-from rsgen.common.tolerances import MAX_TRIAL_STEPS, NOISE_LIMIT_SIGMAS
+from rsgen.common.tolerances import MAX_TRIAL_STEPS, MIN_MISFIT_REDUCTION, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
 from rsgen.data.record_set import FILE_ROUND_OFF, copied_levels
-from rsgen.data.surface.plausibility import Sizes, size_findings
+from rsgen.data.surface.mode_findings import exchanged_channels, is_beyond_any_law
+from rsgen.data.surface.plausibility import Sizes, quantity_findings, size_findings
+from rsgen.data.surface.response_surface import ResponseSurface
 
 # ----------------------------------------------------------------------------
 # Plausibility of the sizes of records of a multisine, and of the mode found from them.
@@ -50,6 +52,24 @@ def implausible(spectra: MultisineSpectra, *, mass: float = nan, damping: float 
     force = float(np.sqrt(2) * spectra.rms_force().max())
     sizes = Sizes(strongest, parts[0], parts[1], parts[2], force, mass, damping)
     yield from size_findings(sizes)
+
+
+def misread_lines(spectra: MultisineSpectra) -> list[Finding]:
+    """Find that another reading of the channels leaves far less at the excited lines than this; none or one.
+
+    Each line is taken as a point of sines: a law that distorts leaves up to a fifth of the force.
+    """
+    if spectra.base or spectra.per_mass or spectra.across is not None:
+        return []
+    parts = zip((spectra.mean_force, spectra.mean_response), spectra.noise(), strict=True)
+    clear = [~(np.abs(size) <= NOISE_LIMIT_SIGMAS * noise) for size, noise in parts]
+    driven = spectra.excited() & (spectra.lines > 0) & spectra.recorded & clear[0] & clear[1]
+    omega, force, response = spectra.omega[driven], spectra.mean_force[driven], spectra.mean_response[driven]
+    if not driven.any() or not is_beyond_any_law(force, response, omega):
+        return []
+    level = np.broadcast_to(spectra.level[:, None], driven.shape)[driven]
+    found = list(quantity_findings(ResponseSurface(level, omega / (2 * np.pi), force, response)))
+    return found or exchanged_channels(*steady(force, response, omega), omega, most=1 - MIN_MISFIT_REDUCTION)
 
 
 _POLYNOMIAL_TERMS = 3

@@ -79,7 +79,7 @@ def mode_findings(
     if said:
         return []
     force, motion = steady(surface.force[rows], response, omega)
-    swapped = _exchanged(force, motion, omega, held=surface.response_held)
+    swapped = exchanged_channels(force, motion, omega, held=surface.response_held)
     return swapped or ([] if mass is None else _of_mass(force, motion, mass))
 
 
@@ -120,10 +120,13 @@ def _swapped(
     return [Finding("levels-swapped", "doubt", "", numbers)]
 
 
-def _exchanged(force: ComplexArray, motion: Kinematics, omega: Array, *, held: bool) -> list[Finding]:
+def exchanged_channels(
+    force: ComplexArray, motion: Kinematics, omega: Array, *, held: bool = False, most: float = 0.0
+) -> list[Finding]:
     """Find that each channel was read as the other one; a column of phases stays that of the response.
 
-    ``held`` is True where the test held the response.
+    ``held`` is True where the test held the response; ``most`` is what the other reading may leave of what
+    this one does, of lines among which a law distorts.
     """
     misfit, taken = _typical_misfit(force, motion)
     if taken and misfit < MISFIT_REJECTED:
@@ -139,7 +142,7 @@ def _exchanged(force: ComplexArray, motion: Kinematics, omega: Array, *, held: b
             left, passive = _typical_misfit(*steady(pushed.astype(complex), moved, omega))
             then = min(then, left) if passive else then
     # next to a reading that takes no energy any is better; a fast sweep was corrected by the wrong channel
-    if then > (MISFIT_EXPLAINED if taken else RELATIVE_ERROR_DOUBTFUL):
+    if then > max(MISFIT_EXPLAINED if taken else RELATIVE_ERROR_DOUBTFUL, most * misfit):
         return []
     numbers = quantities(then=then) | (quantities(misfit=misfit) if misfit > then else {})
     names = {"is": "exchanged", "sure": "yes"}

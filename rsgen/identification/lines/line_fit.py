@@ -32,6 +32,7 @@ from rsgen.common.tolerances import (
     FINITE_DIFFERENCE_STEP,
     JACKKNIFE_GROUPS,
     MAX_ALTERNATIONS,
+    MAX_NEWTON_STEPS,
     MAX_TRIAL_STEPS,
     MISFIT_NEGLIGIBLE,
     NOISE_LIMIT_SIGMAS,
@@ -218,7 +219,12 @@ def _smoothed_power(power: Array, used: NDArray[np.bool_]) -> Array:
 
 
 def fit_lines(
-    lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float], values: Array, mass: float
+    lines: SpectralLines,
+    law: ForceLaw,
+    fixed: Mapping[str, float],
+    values: Array,
+    mass: float,
+    steps: int = MAX_NEWTON_STEPS,
 ) -> LineFit:
     """Fit a law by iteratively reweighted least squares.
 
@@ -228,8 +234,8 @@ def fit_lines(
         Data and model.
     fixed
         Values of parameters that are known, by name; "m" is the mass [kg].
-    values, mass
-        Initial values (p,) and initial mass [kg]; the background begins with zeros.
+    values, mass, steps
+        Initial values (p,) and mass [kg], the background begins with zeros; maximum of Gauss-Newton steps.
     """
     # nonlinear distortion is spread over all lines, excited or not: one variance a record to begin with
     variance = np.broadcast_to(lines.power(mass).max(axis=1, keepdims=True), lines.used.shape)
@@ -238,7 +244,7 @@ def fit_lines(
     fit = LineFit(lines, law, fixed, start, unknown, variance)
     if "f_n" in lines.background.names:
         fit = _place_neighbour(fit)
-    rules = fit.rules
+    rules = replace(fit.rules, steps=steps)
     for iteration in range(MAX_ALTERNATIONS):
         place, nuisance, line, converged = descend(fit.linearise, fit.parameters, fit.nuisance, rules)
         if fit.noise.cross_covariance.any():

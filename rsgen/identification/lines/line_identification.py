@@ -23,19 +23,21 @@ from rsgen.common.tolerances import (
     HELD_OUT_ERROR_DOUBTFUL,
     HELD_OUT_ERROR_REJECTED,
     HELD_OUT_ERROR_SMALL,
+    MAX_NEWTON_STEPS,
     MIN_MISFIT_REDUCTION,
     MIN_SIGNIFICANT_GAIN,
     MISFIT_DOUBTFUL_PATTERN_UNSEEN,
     MISFIT_DOUBTFUL_WITHOUT_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_REJECTED,
+    NEAR_STEPS,
     NOISE_LIMIT_SIGMAS,
     OUTLIER_SIGMAS,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     is_significant,
 )
-from rsgen.data.multisine.linear import BestLinear, best_linear, implausible
+from rsgen.data.multisine.linear import BestLinear, best_linear, implausible, misread_lines
 from rsgen.data.multisine.spectra import MultisineSpectra, check_records, rms
 from rsgen.data.oscillator import Model, force_units
 from rsgen.data.surface.mode_findings import fixed_contradicted
@@ -103,9 +105,12 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     RsgenError
         A held-out level is not in the records, or nothing is left.
     """
-    fit = fit_multisine(spectra, model)
+    misread = misread_lines(spectra)
+    spectra = replace(spectra, findings=(*spectra.findings, *misread))
+    # where no law fits refining one has no end
+    fit = fit_multisine(spectra, model, NEAR_STEPS if misread else MAX_NEWTON_STEPS)
     with np.errstate(all="ignore"):
-        for offset in offset_findings(fit):
+        for offset in [] if misread else offset_findings(fit):
             without = replace(spectra, mean_known=False, findings=(*spectra.findings, offset))
             other = fit_multisine(without, model)
             names, errors = (*fit.law.parameters, "m"), np.sqrt(np.diag(fit.errors[0].covariance))
@@ -156,7 +161,7 @@ def offset_findings(fit: LineFit) -> list[Finding]:
     return [Finding("sensor-offset", "warning", numbers=numbers, names={"by": "balance"})]
 
 
-def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
+def fit_multisine(spectra: MultisineSpectra, model: Model, steps: int = MAX_NEWTON_STEPS) -> LineFit:
     """Fit a law to the lines of the records that are not held out; raise as ``identify_multisine``."""
     held_out = check_records(spectra, model.observation)
     part = spectra.select(np.flatnonzero(~held_out))
@@ -168,9 +173,9 @@ def fit_multisine(spectra: MultisineSpectra, model: Model) -> LineFit:
         raise RsgenError(f"identify.band: {count} lines in it; more lines than parameters are needed")
     with np.errstate(all="ignore"):
         values, mass = start_values(lines, law, model.fixed)
-        fit = fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass)
+        fit = fit_lines(lines, law, model.fixed, put_in_order(law, values, model.fixed), mass, steps)
         steep = replace(fit, lines=selected(switched=True))
-        if law.switched or is_resolved(fit, steep):
+        if law.switched or steps < MAX_NEWTON_STEPS or is_resolved(fit, steep):
             return fit
         longer = fit_lines(steep.lines, law, model.fixed, fit.values, fit.mass)
     return longer if longer.misfit < (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit else fit
