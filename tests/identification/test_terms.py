@@ -248,7 +248,8 @@ def test_a_sensor_of_a_driven_base_that_is_off_is_named_with_its_value(absolute,
     wrong, widen = {"gain": 0.0, "turn": 0.0, "delay": 0.0} | {name: value}, Alternatives.widen
     other = rs.Finding("law-ambiguous", "warning", "c", names={"background": "residuals"})
     monkeypatch.setattr(Alternatives, "widen", lambda *what: (*widen(*what)[:2], [other]))
-    found = rs.identify(seen_on_base(absolute=absolute, **wrong), CUBIC)
+    test = seen_on_base(absolute=absolute, **wrong)
+    found = rs.identify(test, CUBIC)
     # no background is advised for what the ratio of both sensors explains
     assert (other in found.findings) is (name != "gain")
     said = only(found, "channels-delayed")
@@ -257,6 +258,8 @@ def test_a_sensor_of_a_driven_base_that_is_off_is_named_with_its_value(absolute,
     if name == "gain":
         assert abs(said["gain"] - value) < said["within"] < 0.1 * abs(value)
         assert "accelerometers" in next_step(said)
+        ranking = rs.rank(test, [LINEAR, CUBIC])
+        assert only(ranking, "channels-delayed")["gain"] == pytest.approx(value, rel=0.05)
 
 
 @pytest.mark.parametrize("absolute", [True, False])

@@ -494,6 +494,8 @@ def _with_what_is_missing(
         return findings
     for fit in ordered[:_LEADERS]:
         found = current.larger_background(fit)
+        if found is not None and found.code == "channels-delayed":
+            return (*findings, found)
         if found is not None:
             kind, law = found.names["kind"], whole_name(fit.candidate.name, current.rows.sensors)
             named = replace(found, names={"kind": kind, "law": law})

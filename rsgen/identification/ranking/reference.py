@@ -73,7 +73,7 @@ from rsgen.identification.ranking.library_sums import surrogates
 from rsgen.identification.soundness import exclusion_findings, held_finding, held_points, nearly_held
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import records_even, solve_equations, start_even_forces, start_fit
-from rsgen.identification.terms import fit_larger_backgrounds, fit_near, simplest_background
+from rsgen.identification.terms import channel_finding, fit_larger_backgrounds, fit_near, simplest_background
 from rsgen.law.element import Element
 from rsgen.law.motion import Motion, feeds_exciter
 from rsgen.law.numeric import ForceLaw
@@ -472,10 +472,16 @@ class PointRound(Round):
         return Misfit(systematic, unexplained, where, len(pairs) > 0)
 
     def larger_background(self, best: CandidateFit) -> Finding | None:
-        """Find a larger background that explains much of a misfit beyond noise; None if there is none."""
+        """Find a larger background that explains much of a misfit beyond noise; None if there is none.
+
+        Next to a driven base the ratio of the two channels that explains it comes first.
+        """
         fit = self._fit_near(best)
         others, misfit = fit_larger_backgrounds(fit, fit.regression.sigma), fit.regression.rms_misfit
         leaves = {kind: other.misfit_left(fit.regression, np.ones(1)) for kind, other in others.items()}
+        off = channel_finding(fit, misfit, (misfit,), leaves, self.test.base)
+        if off is not None and "gain" in off.numbers:
+            return off
         # with noise no background halves the whole of a small misfit
         systematic = misfit**2 - self.noise**2
         explained = misfit**2 - min(leaves.values(), default=np.inf) ** 2
@@ -530,7 +536,7 @@ class PointTest(RankedTest):
         if held.any():
             self.left_out = held_finding(points, held, surface)
             points, observed = points.select(~held), observed.select(~held)
-        self.measured, self.level_unit = len(points), surface.level_unit
+        self.measured, self.level_unit, self.base = len(points), surface.level_unit, surface.base
         self.observed, self.fixed = observed.select(points.spread(_MAX_POINTS)), base.fixed
         if needed := mass_needs(self.observed.points, base):
             raise RsgenError(f"ranking: the test does not determine the mass; give it, or {needed}")
