@@ -144,7 +144,7 @@ laws."""
 MAX_SHARE_OF_OUTLIERS = 0.2
 """At most this share of the points is excluded from a fit; if more disagree, it is the law that does not fit.
 ``soundness`` rejects a result from three quarters of it on. A ranking excludes fewer, at most
-``MAX_SHARE_OF_OUTLIERS_BY_CHANCE`` (``outliers_of`` of ``ranking/reference``). Two other shares are none of
+``MAX_SHARE_OF_OUTLIERS_BY_CHANCE`` (``candidate_fit.outliers_of``). Two other shares are none of
 outliers of a fit: points that a reader leaves out for one reason (``_MAX_SHARE_FOR_ONE_REASON`` of
 ``tracking``), and readings of one point that are always kept (``_MIN_SHARE_KEPT`` of ``repeats``)."""
 

@@ -21,7 +21,14 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.finding import Finding, Quantity
 from rsgen.common.solvers import solve_scaled
-from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NEAR_STEPS, NOISE_RATIO_BY_CHANCE
+from rsgen.common.tolerances import (
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
+    MISFIT_NEGLIGIBLE,
+    NEAR_STEPS,
+    NOISE_RATIO_BY_CHANCE,
+    OUTLIER_SIGMAS,
+    deviation_of_median,
+)
 from rsgen.formula.names import symbol
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.least_squares import Linearisation, Rules, descend
@@ -472,3 +479,21 @@ def max_misfits(points: Points, count: int) -> Array:
     limits = np.maximum(MISFIT_NEGLIGIBLE, _MAX_UNEXPLAINED_OF_HARMONIC * size)
     limits[:2] = MAX_UNEXPLAINED
     return np.asarray(limits)
+
+
+def outliers_of(fitted: CandidateFit, noise: Array) -> NDArray[np.bool_]:
+    """Return the mask (n,) of a few points with far larger residuals than the others; False if they are many.
+
+    A few outliers are spikes, or motions that the simulation misses, and no fault of the law.
+    """
+    size = np.abs(fitted.residual[:, fitted.compared])
+    least = (MISFIT_NEGLIGIBLE / np.repeat(noise, 2)[1:])[fitted.compared]
+    deviation = np.array([deviation_of_median(median) for median in np.median(size, axis=0).tolist()])
+    out = np.asarray((size > OUTLIER_SIGMAS * np.maximum(deviation, least)).any(axis=1))
+    return out if np.mean(out) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE else np.zeros_like(out)
+
+
+def simplest_that_ties(found: Sequence[CandidateFit]) -> CandidateFit:
+    """Return the fit with the fewest parameters of those that tie with the first, the best."""
+    tied = (fit for fit in found if fit.bic() - found[0].bic() < STRONG_EVIDENCE)
+    return min(tied, key=lambda fit: len(fit.candidate.values))

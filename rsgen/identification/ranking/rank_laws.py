@@ -45,6 +45,7 @@ from rsgen.identification.ranking.candidate_fit import (
     Round,
     fit_candidate,
     lacks,
+    simplest_that_ties,
     whole_powers,
 )
 from rsgen.identification.ranking.library_sums import Term, whole_name
@@ -280,19 +281,13 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
             break
         rounds.append(_compare(test, current, entries, found))
         found, name = rounds[-1].found, current.leader.candidate.name
-        first = _simplest_that_ties(found)
+        first = simplest_that_ties(found)
         if first.candidate.name in (name, *tried) or rounds[-1].systematic_misfit > MISFIT_REJECTED:
             break
         tried.append(name)
     if not rounds:
         raise RsgenError("ranking: no candidate has steady states near the measured ones")
     return rounds
-
-
-def _simplest_that_ties(found: Sequence[CandidateFit]) -> CandidateFit:
-    """Return the fit with the fewest parameters of those that tie with the first, the best."""
-    tied = (fit for fit in found if fit.bic() - found[0].bic() < STRONG_EVIDENCE)
-    return min(tied, key=lambda fit: len(fit.candidate.values))
 
 
 def _compare(

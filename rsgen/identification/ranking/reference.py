@@ -25,16 +25,13 @@ from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
     FINITE_DIFFERENCE_STEP,
-    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MAX_TRIAL_STEPS,
     MIN_MISFIT_REDUCTION,
     MIN_RELATIVE_SLOPE,
     MIN_SHARE_PREDICTED,
     MISFIT_NEGLIGIBLE,
-    OUTLIER_SIGMAS,
     START_HARMONICS,
     SUBSAMPLE_POINTS,
-    deviation_of_median,
 )
 from rsgen.data.oscillator import Model, Oscillator, refuse_across
 from rsgen.data.surface.response_surface import ResponseSurface
@@ -68,6 +65,7 @@ from rsgen.identification.ranking.candidate_fit import (
     Round,
     fit_candidate,
     max_misfits,
+    outliers_of,
 )
 from rsgen.identification.ranking.library_sums import surrogates
 from rsgen.identification.soundness import exclusion_findings, held_finding, held_points, nearly_held
@@ -288,18 +286,6 @@ def _simulate_amplitudes(
     drive, turn = drive[chosen] * np.exp(-1j * lag), found.turn[chosen] + lag
     motion = predicted_motion(observed.select(chosen), background, harmonics, drive, turn)
     return Reference(chosen, motion, law, values, mass)
-
-
-def outliers_of(fitted: CandidateFit, noise: Array) -> NDArray[np.bool_]:
-    """Return the mask (n,) of a few points with far larger residuals than the others; False if they are many.
-
-    A few outliers are spikes, or motions that the simulation misses, and no fault of the law.
-    """
-    size = np.abs(fitted.residual[:, fitted.compared])
-    least = (MISFIT_NEGLIGIBLE / np.repeat(noise, 2)[1:])[fitted.compared]
-    deviation = np.array([deviation_of_median(median) for median in np.median(size, axis=0).tolist()])
-    out = np.asarray((size > OUTLIER_SIGMAS * np.maximum(deviation, least)).any(axis=1))
-    return out if np.mean(out) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE else np.zeros_like(out)
 
 
 def _neighbour_noise(
