@@ -253,17 +253,22 @@ def recognise_directions(
 def levels_in_noise(
     level: Array, sweep: NDArray[np.str_], frequency: Array, receptance: ComplexArray
 ) -> NDArray[np.bool_]:
-    """(n,) points of levels whose phases change from frequency to frequency as those of noise do.
+    """Return the mask (n,) of levels whose phases change between frequencies as those of noise do.
 
     The phase of a motion turns near a resonance alone, so that the cosine of its steps has a mean near 1;
     where friction holds the mass, the sensor shows its noise, with a mean near 0. None where all are so.
     """
     order = np.lexsort((frequency, sweep, level))
     names, number = np.unique(level[order], return_inverse=True)
-    within = (np.diff(number) == 0) & (sweep[order][1:] == sweep[order][:-1])
-    turned, at = np.cos(np.diff(np.angle(receptance[order])))[within], number[1:][within]
-    count, total = np.bincount(at, minlength=len(names)), np.bincount(at, turned, len(names))
-    noise = ((count >= MIN_POINTS_OF_RUN) & (total < count / 2))[np.searchsorted(names, level)]
+    phase, way = np.angle(receptance[order]), sweep[order]
+    noise = np.ones(len(names), dtype=np.bool_)
+    # of two branches side by side every second reading is of one motion
+    for step in (1, 2):
+        within = (number[step:] == number[:-step]) & (way[step:] == way[:-step])
+        turned, at = np.cos(phase[step:] - phase[:-step])[within], number[step:][within]
+        count, total = np.bincount(at, minlength=len(names)), np.bincount(at, turned, len(names))
+        noise &= (count >= MIN_POINTS_OF_RUN) & (total < count / 2)
+    noise = noise[np.searchsorted(names, level)]
     return noise & ~noise.all()
 
 
