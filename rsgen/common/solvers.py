@@ -186,7 +186,7 @@ def newton(
     start
         (n, d) unknowns to begin with.
     steps, halvings
-        Most steps, and lengths of each that are tried; none: every step is taken whole.
+        Most steps, and lengths of each that are tried.
     """
     unknowns, before = np.array(start), np.array(start)
     last_step, unfinished = np.full(len(start), np.inf), np.ones(len(start), dtype=bool)
@@ -195,7 +195,7 @@ def newton(
         going = unfinished[rows]
         if not going.any():
             break
-        if np.count_nonzero(going) * (2 if halvings else 1) < len(rows):
+        if 2 * np.count_nonzero(going) < len(rows):
             # fewer problems are cheaper, but the equations evaluate anew what a trial left at hand
             rows, going = rows[going], going[going]
         here = before[rows] = unknowns[rows]
@@ -221,8 +221,6 @@ def _shorten(
     halvings: int,
 ) -> NDArray[np.bool_]:
     """Halve steps in place until residuals do not grow; True where no part of a step serves."""
-    if not halvings:
-        return np.zeros(len(rows), dtype=bool)
     least = _norm(residual) * (1 + ROUND_OFF)
     worse = np.array(trying)
     # at first with all rows: what is evaluated there serves the next step

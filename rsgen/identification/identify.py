@@ -347,10 +347,10 @@ def _identify(surface: ResponseSurface, model: Model, attained: float, most: int
         problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))
     # where no law fits refining one has no end
     coarse = partial(fit_balance, order=BALANCE_HARMONICS, steps=_STEPS_IF_MISREAD)
-    hopeless = is_misread(surface) or _is_beyond_any_law(problem)
-    fit = coarse(problem, start) if hopeless else fit_all_harmonics(problem, start, attained)
+    no_law_fits = is_misread(surface) or _is_beyond_any_law(problem)
+    fit = coarse(problem, start) if no_law_fits else fit_all_harmonics(problem, start, attained)
     late = fit.passed_late
-    if late.any() and not hopeless:
+    if late.any() and not no_law_fits:
         fit = fit_all_harmonics(problem.select(np.flatnonzero(~late)), fit.regression.parameters, attained)
         findings.append(left_out("symmetry", problem.observed.points, late, surface.level_unit))
     found = judge(replace(test, problem=fit.problem), model, fit)

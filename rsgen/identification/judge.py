@@ -302,8 +302,8 @@ class Findings:
             follow = consequences(self.fit, name)
             of_test = [finding for finding in of_test if finding.code not in follow]
         # a wrong fixed value leaves what terms take up as well, a ratio of channels what backgrounds do
-        off = any(finding.code == "channels-delayed" and "gain" in finding.numbers for finding in of_test)
-        ambiguous = (f for f in self.stated.ambiguous if not (off and "background" in f.names))
+        ratio_differs = any(f.code == "channels-delayed" and "gain" in f.numbers for f in of_test)
+        ambiguous = (f for f in self.stated.ambiguous if not (ratio_differs and "background" in f.names))
         of_law += () if wrong else ambiguous
         valued = {e.name for e in self.estimates if np.isfinite(e.value)}
         return (

@@ -387,7 +387,7 @@ class _OpenLoops:
     interval: Array
     values: Sequence[Any] | Array
     steps_done: int = 0
-    kept: tuple[Array, ...] = ()
+    stored: tuple[Array, ...] = ()
     """Of every loop the last place (q s, n), what steps lack there, and the rule linearised there."""
 
     def lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:
@@ -396,15 +396,15 @@ class _OpenLoops:
         Newton's method asks for all loops at first. A step that was tried is the place of the next one: only
         loops that are elsewhere by now are evaluated.
         """
-        new = np.any(self.kept[0][:, rows] != unknowns.T, axis=0) if self.kept else rows >= 0
-        if new.any() or not self.kept:
+        new = np.any(self.stored[0][:, rows] != unknowns.T, axis=0) if self.stored else rows >= 0
+        if new.any() or not self.stored:
             lack, rule = self._lack(rows[new], unknowns[new])
             parts = unknowns[new].T, lack, rule.forward, rule.inverse, rule.weight, rule.step
             if len(lack.T) == len(self.interval):
-                self.kept = parts
-            for whole, part in zip(self.kept, parts, strict=True):
-                whole[..., rows[new]] = part
-        lack, *linear = (whole[..., rows] for whole in self.kept[1:])
+                self.stored = parts
+            for array, part in zip(self.stored, parts, strict=True):
+                array[..., rows[new]] = part
+        lack, *linear = (array[..., rows] for array in self.stored[1:])
         return lack, _Recurrence(*linear)
 
     def _lack(self, rows: Indices, unknowns: Array) -> tuple[Array, _Recurrence]:

@@ -258,12 +258,14 @@ def test_the_result_of_another_case_file_of_the_same_name_stays(tmp_path):
 def test_a_file_with_the_name_of_the_index_stays(tmp_path, link):
     path, out, name = write_case(tmp_path), tmp_path / "out", "index.html"
     out.mkdir()
+    # a link stays even if it leads to an index that rsgen wrote
+    text = f"<html>my homepage</html>{'<title>rsgen: all cases</title>' * link}"
     (out / name).symlink_to(tmp_path / "home.html") if link else None
-    (out / name).write_text("<html>my homepage</html>")
+    (out / name).write_text(text)
     with pytest.raises(RsgenError, match="was not written by rsgen"):
         run_cases([path], out)
     assert [file.name for file in out.iterdir()] == [name]
-    assert (out / name).read_text() == "<html>my homepage</html>"
+    assert (out / name).read_text() == text
 
 
 @posix

@@ -69,7 +69,7 @@ def misread_lines(spectra: MultisineSpectra) -> list[Finding]:
         return []
     level = np.broadcast_to(spectra.level[:, None], driven.shape)[driven]
     found = list(quantity_findings(ResponseSurface(level, omega / (2 * np.pi), force, response)))
-    return found or exchanged_channels(*steady(force, response, omega), omega, most=1 - MIN_MISFIT_REDUCTION)
+    return found or exchanged_channels(*steady(force, response, omega), omega, share=1 - MIN_MISFIT_REDUCTION)
 
 
 _POLYNOMIAL_TERMS = 3

@@ -121,12 +121,12 @@ def _swapped(
 
 
 def exchanged_channels(
-    force: ComplexArray, motion: Kinematics, omega: Array, *, held: bool = False, most: float = 0.0
+    force: ComplexArray, motion: Kinematics, omega: Array, *, held: bool = False, share: float = 0.0
 ) -> list[Finding]:
     """Find that each channel was read as the other one; a column of phases stays that of the response.
 
-    ``held`` is True where the test held the response; ``most`` is what the other reading may leave of what
-    this one does, of lines among which a law distorts.
+    ``held`` is True where the test held the response; ``share`` is what the other reading may leave of
+    what this one does, of lines among which a law distorts.
     """
     misfit, taken = _typical_misfit(force, motion)
     if taken and misfit < MISFIT_REJECTED:
@@ -142,7 +142,7 @@ def exchanged_channels(
             left, passive = _typical_misfit(*steady(pushed.astype(complex), moved, omega))
             then = min(then, left) if passive else then
     # next to a reading that takes no energy any is better; a fast sweep was corrected by the wrong channel
-    if then > max(MISFIT_EXPLAINED if taken else RELATIVE_ERROR_DOUBTFUL, most * misfit):
+    if then > max(MISFIT_EXPLAINED if taken else RELATIVE_ERROR_DOUBTFUL, share * misfit):
         return []
     numbers = quantities(then=then) | (quantities(misfit=misfit) if misfit > then else {})
     names = {"is": "exchanged", "sure": "yes"}

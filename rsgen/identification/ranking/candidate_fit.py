@@ -373,8 +373,10 @@ class Round(ABC):
     counted: ClassVar[str]
     """Unit of the counts: points or lines."""
 
-    mean_unbalanced = False
-    """True if the leader has a mean force that was not recorded."""
+    @property
+    def mean_unbalanced(self) -> bool:
+        """True if the leader has a mean force that was not recorded."""
+        return False
 
     @property
     @abstractmethod

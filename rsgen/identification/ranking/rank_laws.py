@@ -250,6 +250,7 @@ def _all_rounds(
             tried.add(stages[1])
             continue
         if best.systematic_misfit <= MISFIT_NEGLIGIBLE:
+            # nothing is left for more terms; the last stage may still leave out the mean
             tried.update(stages)
     if fault is not None and not rounds:
         raise fault

@@ -139,7 +139,7 @@ class RecordRound(Round):
     counted: ClassVar[str] = "lines"
 
     @property
-    def mean_unbalanced(self) -> bool:  # type: ignore[override]
+    def mean_unbalanced(self) -> bool:
         """True if the leader has a mean force that was not recorded."""
         return bool(offset_findings(self.rows.fit))
 
