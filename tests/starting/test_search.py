@@ -99,10 +99,11 @@ def test_a_window_ends_before_the_round_off_of_the_motion():
     assert -1e5 < window.min() < -1e-3
 
 
-def test_a_start_leaves_out_loops_that_do_not_close():
+@pytest.mark.parametrize(("rate", "searched"), [("8", {}), ("g", {"g": 8.0})])
+def test_a_start_leaves_out_loops_that_do_not_close(rate, searched):
     """The state grows for ever in motions beyond 0.06 m: two of twelve points have no force."""
-    law = compile_law(with_memory(parse("k*x + c*v + Fs*z"), {"z": "v - (8 - 200*abs(x))*z"}))
-    true, omega = law.ordered({"Fs": 800.0, "c": 4.0, "k": 5000.0}), np.linspace(50.0, 70.0, 12)
+    law = compile_law(with_memory(parse("k*x + c*v + Fs*z"), {"z": f"v - ({rate} - 200*abs(x))*z"}))
+    true, omega = law.ordered({"Fs": 800.0, "c": 4.0, "k": 5000.0} | searched), np.linspace(50.0, 70.0, 12)
     motion = sine_motion(omega, np.geomspace(1e-3, 0.1, 12))
     force = project(law.along(motion, true, 128).force, 1) - MASS * omega**2 * np.abs(motion.harmonics[:, 1])
     assert np.isnan(force).sum() == 2

@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.tolerances import POINTS_PER_BLOCK, SAMPLES_PER_PERIOD, SAMPLES_PER_PERIOD_SWITCHED
+from rsgen.common.tolerances import (
+    MIN_SHARE_PREDICTED,
+    POINTS_PER_BLOCK,
+    SAMPLES_PER_PERIOD,
+    SAMPLES_PER_PERIOD_SWITCHED,
+)
 from rsgen.identification.fitting.points import Points
 from rsgen.law.motion import Motion, project
 from rsgen.law.normal_form import ForceSample
@@ -117,10 +122,16 @@ def equation_rows(
     return _rows(equations, law, nonlinear, sample, scaled=scaled)
 
 
+def known_rows(matrix: Array, right: Array) -> NDArray[np.bool_]:
+    """Return the rows without those of loops that do not close; all where too few are left for a start."""
+    finite: NDArray[np.bool_] = np.isfinite(right) & np.isfinite(matrix).all(axis=1)
+    return finite if finite.mean() > MIN_SHARE_PREDICTED else np.ones_like(finite)
+
+
 def rows_of_trials(
-    equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array
+    equations: Equations, law: ForceLaw, trials: Sequence[Array] | Array, *, coarse: bool = True
 ) -> list[tuple[Array, Array]]:
-    """Return coarse ``equation_rows`` with factors for many values of the nonlinear parameters.
+    """Return ``equation_rows`` with factors for many values of the nonlinear parameters.
 
     Hysteresis loops of many trials are closed at once, for speed.
     """
@@ -128,7 +139,7 @@ def rows_of_trials(
     rows = []
     for low in range(0, len(trials), block):
         part = trials[low : low + block]
-        samples = _samples(equations, law, part, coarse=True)
+        samples = _samples(equations, law, part, coarse=coarse)
         rows += [
             _rows(equations, law, trial, sample, scaled=True)
             for trial, sample in zip(part, samples, strict=True)

@@ -41,7 +41,7 @@ import numpy as np
 from rsgen.common.arrays import Array
 from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN, MISFIT_NEGLIGIBLE, NONLINEAR_TRIALS
-from rsgen.identification.starting.equations import Equations, equation_rows, rows_of_trials
+from rsgen.identification.starting.equations import Equations, equation_rows, known_rows, rows_of_trials
 from rsgen.law.numeric import DECADES, ForceLaw, natural_sizes
 
 _MIN_SHAPE_CHANGE = 1e-3
@@ -221,8 +221,9 @@ class _Search:
         """Multiply every group by its factor, at least a negligible positive one."""
         values = np.array(trial)
         if self._groups:
-            solution, _ = self._solve(self._equations, trial, coarse=False)
-            matrix, right = equation_rows(self._equations, self._law, trial, scaled=True)
+            with np.errstate(all="ignore"):
+                matrix, right = equation_rows(self._equations, self._law, trial, scaled=True)
+            solution, _ = self._solve_rows(matrix, right)
             effect = self._factors(np.sqrt(np.sum(matrix**2, axis=0)))
             least = _SIMULATOR_MISFIT * np.sqrt(np.sum(right**2)) / np.where(effect > 0, effect, 1.0)
             for group, factor in zip(self._groups, np.maximum(self._factors(solution), least), strict=True):
@@ -233,29 +234,35 @@ class _Search:
         first = len(self._law.linear)
         return solution[first : first + len(self._groups)]
 
-    def _solve(self, equations: Equations, trial: Array, *, coarse: bool) -> tuple[Array, Array]:
-        """Return linear parameters, factors and mass, and the residual."""
-        with np.errstate(all="ignore"):
-            matrix, right = equation_rows(equations, self._law, trial, scaled=True, coarse=coarse)
-        return self._solve_rows(matrix, right)
-
     def _solve_rows(self, matrix: Array, right: Array) -> tuple[Array, Array]:
+        """Return linear parameters, factors and mass, and the residual; NaN of loops that do not close."""
+        known = known_rows(matrix, right)
+        rows, wanted = matrix[known], right[known]
         # a negative power at x = 0, or an overflow
-        if not (np.max(np.abs(matrix), initial=0.0) < _MAX_COLUMN and np.max(np.abs(right)) < _MAX_COLUMN):
+        if not (np.max(np.abs(rows), initial=0.0) < _MAX_COLUMN and np.max(np.abs(wanted)) < _MAX_COLUMN):
             return np.zeros(matrix.shape[1]), np.full(len(right), _MAX_COLUMN)
-        solution = solve_scaled(matrix, right, known=self._known)[0]
+        solution = solve_scaled(rows, wanted, known=self._known)[0]
         for _ in self._groups:
             negative = np.flatnonzero(self._factors(solution) < 0) + len(self._law.linear)
             if not len(negative):
                 break
             # factors must be positive: remove negative ones
-            matrix[:, negative] = 0.0
-            solution = solve_scaled(matrix, right, known=self._known)[0]
-        return solution, np.asarray(right - matrix @ solution)
+            rows[:, negative] = 0.0
+            solution = solve_scaled(rows, wanted, known=self._known)[0]
+        residual = np.full(len(right), np.nan)
+        residual[known] = wanted - rows @ solution
+        return solution, residual
+
+    def residuals(self, trials: Array, *, coarse: bool = False) -> Array:
+        """Return the residual (k, r) of every equation at k trials; NaN of loops that do not close."""
+        equations = self._scanned if coarse else self._equations
+        with np.errstate(all="ignore"):
+            rows = rows_of_trials(equations, self._law, trials, coarse=coarse)
+        return np.stack([self._solve_rows(*row)[1] for row in rows])
 
     def residual(self, trial: Array, *, coarse: bool = False) -> Array:
         """Return the residual of every equation at a trial."""
-        return self._solve(self._scanned if coarse else self._equations, trial, coarse=coarse)[1]
+        return _completed(self.residuals(trial[None], coarse=coarse)[0])
 
     def cost(self, trial: Array) -> float:
         """Return the sum of squares at a trial."""
@@ -263,9 +270,7 @@ class _Search:
 
     def costs(self, trials: Array) -> Array:
         """Return the sums of squares at many trials, on few points with few samples."""
-        with np.errstate(all="ignore"):
-            rows = rows_of_trials(self._scanned, self._law, trials)
-        return np.array([float(np.sum(self._solve_rows(*row)[1] ** 2)) for row in rows])
+        return np.asarray(np.sum(_completed(self.residuals(trials, coarse=True)) ** 2, axis=1))
 
     def lowest_end(self, ordered: Array, windows: list[Array]) -> Array:
         """Return the best end of descents from trials that are no neighbours; of equal ones the first."""
@@ -384,8 +389,8 @@ class _Search:
 
     def refine(self, start: Array, *, coarse: bool = False) -> tuple[Array, float]:
         """Descend from one trial in the logarithms of the parameters; signs are kept."""
-        residual = partial(self.residual, coarse=coarse)
-        return _descend(residual, start, self.free, to=1e-6 if coarse else 1e-10)
+        residuals = partial(self.residuals, coarse=coarse)
+        return _descend(residuals, start, self.free, to=1e-6 if coarse else 1e-10)
 
 
 def _differ(shape: Array | None, other: Array | None) -> bool:
@@ -413,42 +418,58 @@ def _spread_trials(windows: Sequence[Array], count: int, *, positive: int = 0) -
     return trials
 
 
+def _completed(residuals: Array) -> Array:
+    """Return residuals (..., r) in which a loop that does not close is as far off as the others are."""
+    typical = np.sqrt(np.nanmean(residuals**2, axis=-1, keepdims=True))
+    return np.where(np.isnan(residuals), typical, residuals)
+
+
 def _descend(
-    residual: Callable[[Array], Array], start: Array, free: Sequence[int], *, to: float = 1e-10
+    residuals: Callable[[Array], Array], start: Array, free: Sequence[int], *, to: float = 1e-10
 ) -> tuple[Array, float]:
     """Descend in the logarithms of the free parameters; return the end, and its sum of squares.
 
-    ``to`` is the relative change of the parameters at which it ends, or after 25 evaluations; signs are kept.
+    ``to`` is the relative change of the parameters at which it ends, or after 25 steps; signs are kept. All
+    differences of a step are asked of ``residuals`` at once, for speed; where a loop does not close they are
+    zero.
     """
     from scipy.optimize import least_squares
 
     if not free:
-        return start, float(np.sum(residual(start) ** 2))
+        return start, float(np.sum(_completed(residuals(start[None])) ** 2))
 
     # where a switch does not act the cost is flat, and steps are unlimited
-    logs = np.log(np.abs(start[free]))
-    low, high = logs - _MAX_LOG_CHANGE, logs + _MAX_LOG_CHANGE
+    begin = np.log(np.abs(start[free]))
+    low, high = begin - _MAX_LOG_CHANGE, begin + _MAX_LOG_CHANGE
 
     def at(logs: Array) -> Array:
-        trial = np.array(start)
-        trial[free] = np.sign(start[free]) * np.exp(np.clip(logs, low, high))
-        return trial
+        trials = np.tile(start, (len(logs), 1))
+        trials[:, free] = np.sign(start[free]) * np.exp(np.clip(logs, low, high))
+        return trials
 
     def left(logs: Array) -> Array:
-        return residual(at(logs))
+        return _completed(residuals(at(logs[None]))[0])
 
-    steps = [1e-5] * len(logs)
-    result = least_squares(left, logs, diff_step=steps, x_scale=0.1, max_nfev=25, xtol=to)
-    return at(result.x), float(2 * result.cost)
+    def slopes(logs: Array) -> Array:
+        steps = 1e-5 * np.where(logs == 0, 1.0, logs)
+        here, *there = residuals(at(logs + np.vstack([0 * steps, np.diag(steps)])))
+        return np.nan_to_num((np.stack(there) - here).T / steps)
+
+    result = least_squares(left, begin, jac=slopes, x_scale=0.1, max_nfev=25, xtol=to)
+    return at(result.x[None])[0], float(2 * result.cost)
 
 
 def search_values(residual: Callable[[Array], Array], windows: Sequence[Array], count: int) -> Array:
     """Search parameters in their windows by descents from the best of ``count`` trials."""
+
+    def residuals(trials: Array) -> Array:
+        return np.stack([residual(trial) for trial in trials])
+
     trials = _spread_trials(windows, count)
-    costs = [float(np.sum(residual(trial) ** 2)) for trial in trials]
+    costs = np.sum(residuals(trials) ** 2, axis=1)
     starts = _separate(trials[np.argsort(costs, kind="stable")], STARTS)
     free = range(len(windows))
-    return min((_descend(residual, start, free) for start in starts), key=lambda end: end[1])[0]
+    return min((_descend(residuals, start, free) for start in starts), key=lambda end: end[1])[0]
 
 
 def _separate(ordered: Array, most: int) -> list[Array]:

@@ -44,7 +44,7 @@ from rsgen.formula.names import symbol
 from rsgen.identification.fitting.fit import Fit, Solution, fit_balance
 from rsgen.identification.fitting.observed import Problem
 from rsgen.identification.fitting.points import Points
-from rsgen.identification.starting.equations import Equations, equation_rows
+from rsgen.identification.starting.equations import Equations, equation_rows, known_rows
 from rsgen.identification.starting.search import STARTS, search_nonlinear
 from rsgen.law.character import mirror_exchanges
 from rsgen.law.element import make_element
@@ -271,13 +271,13 @@ def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | 
         nonlinear = search_nonlinear(equations.select(few), law, mass, begin)
     matrix, right = equation_rows(equations, law, nonlinear)
     known = np.append(np.full(len(law.linear), np.nan), mass)
-    rows = _known_rows(matrix, right)
+    rows = known_rows(matrix, right)
     solution, _, _ = solve_scaled(matrix[rows], right[rows], known=known)
     residual = (right - matrix @ solution)[rows]
     values = law.values_of(solution, nonlinear)
     if law.nonlinear:
         matrix = np.column_stack([matrix, _nonlinear_columns(equations, law, nonlinear, solution)])
-        rows = _known_rows(matrix, right)
+        rows = known_rows(matrix, right)
     right = right[rows]
     known = np.append(known, np.full(len(nonlinear), np.nan))
     _, inverse, null = solve_scaled(matrix[rows], right, known=known)
@@ -288,12 +288,6 @@ def _solve_free(equations: Equations, law: ForceLaw, mass: float, near: Array | 
     sorted_covariance[np.ix_(order, order)] = covariance
     sigma = float(np.sqrt(residual @ residual / max(len(right), 1)))
     return Solution(values, float(solution[len(law.linear)]), sorted_covariance, freedom, sigma)
-
-
-def _known_rows(matrix: Array, right: Array) -> NDArray[np.bool_]:
-    """Return the rows without those of loops that do not close; all where too few are left for a start."""
-    finite: NDArray[np.bool_] = np.isfinite(right) & np.isfinite(matrix).all(axis=1)
-    return finite if finite.mean() > MIN_SHARE_PREDICTED else np.ones_like(finite)
 
 
 def point_misfit(equations: Equations, law: ForceLaw, solution: Solution) -> Array:
