@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import sympy
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array
@@ -327,9 +328,10 @@ def close_loops(
     motion: tuple[Array, Array, Array],
     step: Array,
     values: Sequence[Any] | Array,
+    powers: Sequence[int] = (),
 ) -> StateLoops:
     """Find the periodic states along n motions and their derivatives; arguments as of ``periodic_states``."""
-    states = periodic_states(equations, motion, step, values)
+    states = periodic_states(equations, motion, step, values, powers)
     rate, slopes = _rates(equations, motion, states, step, values)
     recurrence = _linearised(slopes[:, 2 : 2 + len(states)], np.broadcast_to(step, motion[0].shape))
     source = np.transpose(slopes[:, 2 + len(states) :], (3, 0, 1, 2))
@@ -343,6 +345,7 @@ def periodic_states(
     motion: tuple[Array, Array, Array],
     step: Array,
     values: Sequence[Any] | Array,
+    powers: Sequence[int] = (),
 ) -> Array:
     """(q, n, s) periodic states along n motions; NaN where a loop does not close, or is unstable.
 
@@ -356,12 +359,19 @@ def periodic_states(
         Interval to the next sample [s], broadcast to (n, s).
     values
         (p,) of the parameters, or arrays (n, 1) or (n, s).
+    powers
+        Places of parameters that stand in powers of a state.
     """
     count, samples = motion[0].shape
-    loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), values)
     begin = np.zeros((count, len(equations) * samples))
-    # a whole step from rest may lead to where a power of the state is steep, and to a loop of the rule alone
-    roots = newton(loops, begin, halvings=2 * MAX_STEP_HALVINGS)
+    # Newton's steps from rest to the loop of a steep power are many; from that of a milder one they are few
+    steepest = max((float(np.max(values[place], initial=0.0)) for place in powers), default=0.0)
+    for most in (*(power for power in _MILDER_POWERS if power < steepest), np.inf):
+        some = [np.minimum(value, most) if i in powers else value for i, value in enumerate(values)]
+        loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), some)
+        # a whole step from rest may lead to where a power is steep, and to a loop of the rule alone
+        roots = newton(loops, begin, halvings=2 * MAX_STEP_HALVINGS)
+        begin = np.where(roots.last_step[:, None] <= CONVERGED_STEP, roots.unknowns, 0.0)
     recurrence = loops.lack(np.arange(count), roots.unknowns)[1]
     # growth within a single step comes from a corner of the law there
     corner = np.maximum(np.einsum("siin->sin", recurrence.forward) - 1, 0).max(axis=(0, 1))
@@ -370,6 +380,10 @@ def periodic_states(
     ] = np.nan
     return np.moveaxis(roots.unknowns.reshape(count, len(equations), samples), 1, 0)
 
+
+_MILDER_POWERS = (8.0, 64.0, 512.0)
+"""Of a state: Newton's method finds the loop of the first from rest in some ten steps, and the loop of each
+from that of the last in five; from rest it takes a hundred with a power of 50."""
 
 MIN_NEWTON_STEPS = 3
 """Newton steps after which the growth of a disturbance is that of the loop."""
@@ -502,13 +516,14 @@ class Loops:
 
     _force: SwitchedSum
     _equations: tuple[SwitchedSum, ...]
+    _powers: tuple[int, ...]
     _virgins: tuple[SwitchedSum, ...]
     _lags: bool
 
     @np.errstate(over="ignore", invalid="ignore")  # what overflows is not finite
     def states(self, motion: tuple[Array, Array, Array], step: Array, values: Array) -> Array:
         """(r, n, s) states with equations along whole periods (n, s)."""
-        return periodic_states(self._equations, motion, step, values)
+        return periodic_states(self._equations, motion, step, values, self._powers)
 
     @np.errstate(over="ignore", invalid="ignore")
     def sample(self, x: Array, v: Array, a: Array, step: Array, values: Sequence[Any] | Array) -> ForceSample:
@@ -517,7 +532,7 @@ class Loops:
         memory, rates = list[Array](), list[Array]()
         moved, perturb = list[Sequence[Array]](), list[tuple[int, Perturbation]]()
         if self._equations:
-            loops = close_loops(self._equations, (x, v, a), step, values)
+            loops = close_loops(self._equations, (x, v, a), step, values, self._powers)
             memory += list(loops.states)
             rates += list(loops.rates)
             moved += [list(loops.by_parameter[:, i]) for i in range(len(loops.states))]
@@ -562,9 +577,11 @@ def compile_loops(form: MemoryForm, parameters: tuple[str, ...]) -> Loops:
     """Compile a law with memory for arrays, once; parameters in the order of every value array."""
     states, names = (symbol("x"), symbol("v")), tuple(map(symbol, parameters))
     inner = tuple(rate.symbol for rate in form.rates)
+    steep = [one.exp for rate in form.rates for one in rate.rate.atoms(sympy.Pow) if one.base.has(*inner)]
     return Loops(
         switched_sum(form.force, (*states, *form.states), names),
         tuple(switched_sum(defined_at_zero(rate.rate), (*states, *inner), names) for rate in form.rates),
+        tuple(place for place, name in enumerate(names) if any(exponent.has(name) for exponent in steep)),
         tuple(switched_sum(real_powers(curve.virgin), states[:1], names) for curve in form.curves),
         form.lag is not None,
     )

@@ -56,10 +56,6 @@ _MAX_LOG_CHANGE = 3.0
 _SIMULATOR_MISFIT = 1e-6
 """Relative misfit by errors of a simulator; forces as small are no part of a law."""
 
-_POSITIVE_TRIALS = NONLINEAR_TRIALS // 2
-"""Trials of a law with memory whose parameters are all positive, as forces, stiffnesses and lengths are: of
-trials with random signs only one in 2^q would be."""
-
 _FINE_STARTS = 2
 """Coarse descents that are continued with all points."""
 
@@ -105,7 +101,9 @@ def search_nonlinear(equations: Equations, law: ForceLaw, mass: float, begin: Ar
     if begin is not None and np.all(np.isfinite(begin) & (begin != 0)):
         return search.scaled(search.refine(search.normalised(begin))[0])
     windows = [search.admitted(i) for i in range(len(law.nonlinear))]
-    trials = _spread_trials(windows, NONLINEAR_TRIALS, positive=_POSITIVE_TRIALS if law.remembers else 0)
+    # forces, stiffnesses and lengths are positive, but of trials with random signs only one in 2^q is
+    positive = NONLINEAR_TRIALS // 2 if law.remembers else 0
+    trials = _spread_trials(windows, NONLINEAR_TRIALS, positive=positive)
     costs = search.costs(trials)
     ordered = trials[np.argsort(costs, kind="stable")]
     best = search.lowest_end(ordered, windows)
