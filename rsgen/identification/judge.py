@@ -31,6 +31,7 @@ import rsgen.identification  # profiles, for laws with nonlinear parameters
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Severity, quantities
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MISFIT_DOUBTFUL_WITH_PATTERN,
@@ -44,7 +45,7 @@ from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.fit import Fit, fit_balance
+from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import (
@@ -108,7 +109,7 @@ from rsgen.identification.soundness import (
     stopped_points,
 )
 from rsgen.identification.starting.start import with_phases
-from rsgen.identification.terms import alternatives_to, moves_with_mass
+from rsgen.identification.terms import alternatives_to
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
 
@@ -500,7 +501,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             used=int(used.sum()),
             points=len(surface),
             levels=len(np.unique(points.level)),
-            moves=moves_with_mass(refined),
+            moves=_moves_with_mass(refined),
             missing_check=missing_unit_check(surface, model, units),
         ),
         solution=refined.values,
@@ -532,6 +533,22 @@ def _without_law(
     mean = points.harmonics[:, 0].real if 0 in points.measured else predicted
     centred = float(np.sqrt(np.mean((mean / points.amplitude) ** 2))) < RELATIVE_CHANGE_NEGLIGIBLE
     return invert_curve(curve, mass) if centred and np.isfinite(mass) else None
+
+
+def _moves_with_mass(fit: Fit) -> dict[str, float]:
+    """Return by how many per cent values move, to first order, with one per cent of a given mass; or {}.
+
+    With J the slopes by the values and j those by the mass, a mass that is dm larger moves them by
+    -(J^T J)^-1 J^T j dm.
+    """
+    problem, parameters = fit.problem, fit.regression.parameters
+    rows = linearise_extended(fit, problem, parameters)[1].reshape(-1, len(parameters))
+    if "m" not in problem.fixed or problem.observed.points.weighed or not len(rows):
+        return {}
+    moved = -solve_scaled(rows[:, problem.free], rows[:, problem.count - 1] * fit.mass)[0]
+    names = np.array([*problem.law.parameters, "m"])[problem.free[: problem.count]]
+    shares = zip(names.tolist(), moved, parameters[problem.free], strict=False)
+    return {name: float(move / value) for name, move, value in shares if value}
 
 
 def _mode(table: Table, found: Fit) -> Table:

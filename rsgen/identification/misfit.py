@@ -60,6 +60,7 @@ from rsgen.identification.terms import (
     MIRRORED,
     channel_finding,
     even_force_shift,
+    few_points,
     fit_missing_terms,
     fit_near,
     force_factors,
@@ -68,10 +69,11 @@ from rsgen.identification.terms import (
     joint_alternatives,
     law_with,
     other_gain,
+    ratio_finding,
     share_left_by,
     simplest_background,
     stop_elsewhere,
-    with_largest_background,
+    with_background,
     with_terms,
 )
 
@@ -142,8 +144,8 @@ def misfit_findings(
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     left_by = {kind: one.misfit_left(fit.regression, wider) for kind, one in backgrounds.items()}
-    rivals = left_by_term, left_by_cause
-    if known and not surface.decays and (off := channel_finding(fit, misfit, rivals, left_by, surface.base)):
+    channels = channel_finding(fit, misfit, (left_by_term, left_by_cause), left_by, surface.base)
+    if known and not surface.decays and (off := channels or ratio_finding(fit, surface.base)):
         return [replace(off, severity=severity if rejected else "doubt")]
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     if not names.keys() & {"term", "free", "side"}:
@@ -168,7 +170,9 @@ def _limit_of_joints(fit: Fit) -> float:
 
 
 def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:
-    """Find a misfit without a pattern that is large; and fixed values, which errors of few points hide."""
+    """Find a misfit without a pattern that is large; and fixed values, which errors of few points hide, and a
+    ratio of channels, which a background hides.
+    """
     # one point a level shows no pattern either, and a loop holds each until its noise is gone
     patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
     misfit = fit.regression.rms_misfit
@@ -177,6 +181,8 @@ def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[
     if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL_PATTERN_UNSEEN):
         severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
         found.append(Finding("misfit-large", severity, numbers=quantities(misfit=misfit)))
+    if off := ratio_finding(fit, surface.base):
+        found.append(off)
     return found
 
 
@@ -271,12 +277,6 @@ def _level_apart(points: Points, regression: Regression, unit: str) -> list[Find
     return [Finding("level-deviates", "doubt", numbers=numbers)]
 
 
-def _few_points(fit: Fit) -> Problem:
-    """Return what is fitted, with some of the points that were used."""
-    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
-    return fit.problem.select(chosen[fit.regression.used[chosen]])
-
-
 def _freed(problem: Problem, start: Array, name: str) -> Fit:
     """Fit with a given value free, from values that are near, or anew where these lead nowhere."""
     others = {other: value for other, value in problem.fixed.items() if other != name}
@@ -292,7 +292,7 @@ def _freed(problem: Problem, start: Array, name: str) -> Fit:
 
 def consequences(fit: Fit, name: str) -> set[str]:
     """Return codes of what is found because of a wrong fixed value: a fit with it free does not show them."""
-    free = _freed(_few_points(fit), fit.regression.parameters, name)
+    free = _freed(few_points(fit), fit.regression.parameters, name)
     points, found = free.problem.observed.points, free.regression
     agreement = Agreement.of(found, points, found.covariance, misfits=False)
     converged = {"not-converged"} if found.converged else set()
@@ -307,7 +307,7 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
     weighed = fit.problem.observed.points.weighed
     if not (fit.problem.known_values and (weighed or fit.regression.rms_misfit > MISFIT_NEGLIGIBLE)):
         return []
-    problem, names = _few_points(fit), (*fit.problem.law.parameters, "m")
+    problem, names = few_points(fit), (*fit.problem.law.parameters, "m")
     start, size = fit.regression.parameters, fit.regression.rms_misfit
     kept = fit_near(problem, start, order=START_HARMONICS).regression
     whole, found = kept.rms_misfit, []
@@ -550,7 +550,7 @@ def symmetric_shift(fit: Fit) -> Array:
     hidden = even_directions(few.problem, few.regression.parameters)
     if not hidden.symmetric or own.kind.startswith(BACKGROUNDS[-1]):
         return none
-    problem, start = with_largest_background(few)
+    problem, start = with_background(few)
     start[: len(none)] = hidden.centre[: len(none)]
     frozen = tuple({*problem.law.even, *hidden.uneven} - {-1})
     other = fit_near(replace(problem, frozen=frozen), start, order=max(few.order, START_HARMONICS))

@@ -144,14 +144,18 @@ MIRRORED = "mirrored"
 """Stands among terms for the law of -x in place of the law."""
 
 
+def few_points(fit: Fit) -> Problem:
+    """Return what is fitted, with some of the points that were used."""
+    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
+    return fit.problem.select(chosen[fit.regression.used[chosen]])
+
+
 def share_left_by(fit: Fit, term: str) -> float:
     """Return the share of the misfit that a term would leave, or the ``MIRRORED`` law.
 
     By fits of one harmonic to some of the points; the sides of a law are told by even ones.
     """
-    chosen = fit.problem.observed.points.spread(SUBSAMPLE_POINTS)
-    few = fit.problem.select(chosen[fit.regression.used[chosen]])
-    mirrored = term == MIRRORED
+    few, mirrored = few_points(fit), term == MIRRORED
     trials = [with_terms(few, fit, terms)[:2] for terms in ((), () if mirrored else (term,))]
     if mirrored:
         trials[1] = start_fit(replace(few, observed=few.observed.mirrored(), frozen=()))
@@ -284,6 +288,23 @@ def channel_finding(
     return Finding("channels-delayed", "doubt", numbers=numbers, names=names)
 
 
+def ratio_finding(fit: Fit, base: str) -> Finding | None:
+    """Find a gain of a channel of a driven ``base`` that explains what the background of a fit does.
+
+    It is a ``channel_finding`` of the fit without the background, but for its phase error, and leaves no more
+    than noise above what the background, which has more values, leaves.
+    """
+    own, misfit = fit.problem.observed.background, fit.regression.rms_misfit
+    if not base or len(own.names) <= 1:
+        return None
+    few = fit.select(np.flatnonzero(fit.regression.used))
+    without = fit_near(*with_background(few, "phase"), order=fit.order)
+    off = channel_finding(without, without.regression.rms_misfit, (misfit,), {own.kind: misfit}, base)
+    if off is None or "gain" not in off.numbers:
+        return None
+    return replace(off, numbers=off.numbers | quantities(behind=misfit), names={"background": own.kind})
+
+
 def _left_by_half(residual: Array, pairs: NDArray[np.intp]) -> tuple[float, float]:
     """Return the share of noise, which neighbours do not share, in a misfit, and it with half of the rest."""
     power, shared = neighbour_power(residual, pairs)
@@ -404,25 +425,25 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
     own, count = fit.problem.observed.background, fit.problem.count
     if own.kind.startswith(BACKGROUNDS[-1]):
         return {}
-    problem, start = with_largest_background(fit)
+    problem, start = with_background(fit)
     seen, larger = problem.observed, problem.observed.background
     equations = _equations(fit, problem, *linearise_extended(fit, problem, start), noise)
     fitted = [name for name, kept in zip(larger.names, seen.fitted, strict=True) if kept]
     return larger_backgrounds(*equations, fit.problem.free[:count], own, larger, fitted)
 
 
-def with_largest_background(fit: Fit) -> tuple[Problem, Array]:
-    """Return the problem with the largest background, and the parameters of a fit there."""
-    observed = fit.problem.observed
-    points, own = observed.points, observed.background
-    larger = background_terms(LARGEST, points.omega, points.force, own.band)
-    seen = replace(Observed.of(points, LARGEST), background=larger, scale=observed.scale)
-    start = fit.problem.join(fit.values, fit.mass, larger.values_from(own, fit.background))
-    return replace(fit.problem, observed=seen), start
-
-
 LARGEST = BACKGROUNDS[-2] + OFFSET
 """The largest kind of background whose values have slopes at zero."""
+
+
+def with_background(fit: Fit, kind: str = LARGEST) -> tuple[Problem, Array]:
+    """Return the problem with another kind of background, and the parameters of a fit there."""
+    observed = fit.problem.observed
+    points, own = observed.points, observed.background
+    other = background_terms(kind, points.omega, points.force, own.band)
+    seen = replace(Observed.of(points, kind), background=other, scale=observed.scale)
+    start = fit.problem.join(fit.values, fit.mass, other.values_from(own, fit.background))
+    return replace(fit.problem, observed=seen), start
 
 
 def simplest_background(left_by: Mapping[str, float], misfit: float) -> str:
@@ -516,22 +537,6 @@ def even_force_shift(fit: Fit) -> tuple[float, Array]:
     free = free[free != place]
     moved[free] = solve_scaled(rows[:, free], column)[0]
     return float(parameters[place]), np.delete(moved, place)
-
-
-def moves_with_mass(fit: Fit) -> dict[str, float]:
-    """Return by how many per cent values move, to first order, with one per cent of a given mass; or {}.
-
-    With J the slopes by the values and j those by the mass, a mass that is dm larger moves them by
-    -(J^T J)^-1 J^T j dm.
-    """
-    problem, parameters = fit.problem, fit.regression.parameters
-    rows = linearise_extended(fit, problem, parameters)[1].reshape(-1, len(parameters))
-    if "m" not in problem.fixed or problem.observed.points.weighed or not len(rows):
-        return {}
-    moved = -solve_scaled(rows[:, problem.free], rows[:, problem.count - 1] * fit.mass)[0]
-    names = np.array([*problem.law.parameters, "m"])[problem.free[: problem.count]]
-    shares = zip(names.tolist(), moved, parameters[problem.free], strict=False)
-    return {name: float(move / value) for name, move, value in shares if value}
 
 
 def gain_of(other: Fit, own: Fit) -> float | None:

@@ -230,13 +230,19 @@ def driven_base() -> rs.ResponseSurface:
     return simulated(CUBIC, HARDENING, [1.3, 3.3, 6.7], (8, 12, 50), base="acceleration")
 
 
-def seen_on_base(*, absolute: bool, gain: float, turn: float, delay: float) -> rs.ResponseSurface:
-    """Return a test of a driven base of which one sensor, of the absolute or relative motion, is wrong."""
+def seen_on_base(
+    *, absolute: bool, gain: float, turn: float = 0, delay: float = 0, noise: float = 0.001, line: float = 0
+) -> rs.ResponseSurface:
+    """Return a test of a driven base of which one sensor, of the absolute or relative motion, is wrong.
+
+    ``line`` is the inertia of modes below, which both sensors see, per mass of the moving one.
+    """
     test = driven_base()
-    base = test.force / test.omega**2 if absolute else 0.0
+    driven = test.force / test.omega**2
+    base = driven if absolute else 0.0
     by = (1 + gain) * np.exp(1j * (turn - test.omega * delay))
-    noise = np.random.default_rng(1).normal(size=(2, len(test)))
-    read = by * (test.harmonics[:, 1] + base) * (1 + 0.001 * (noise[0] + 1j * noise[1])) - base
+    error = noise * np.random.default_rng(1).normal(size=(2, len(test)))
+    read = by * (test.harmonics[:, 1] - line * driven + base) * (1 + error[0] + 1j * error[1]) - base
     return fundamentals(test, read, base="acceleration")
 
 
@@ -260,6 +266,19 @@ def test_a_sensor_of_a_driven_base_that_is_off_is_named_with_its_value(absolute,
         assert "accelerometers" in next_step(said)
         ranking = rs.rank(test, [LINEAR, CUBIC])
         assert only(ranking, "channels-delayed")["gain"] == pytest.approx(value, rel=0.05)
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+@pytest.mark.parametrize(("gain", "line"), [(0.01, 0.0), (0.0, 0.05)])
+def test_a_background_does_not_hide_that_a_sensor_of_a_driven_base_is_off(absolute, gain, line):
+    test = seen_on_base(absolute=absolute, gain=gain, noise=0.01, line=line)
+    found = rs.identify(test, CUBIC, rs.Observation(background="residuals"))
+    # other modes are no ratio of the sensors; they are a background, and the values are right
+    assert found.verdict.state == ("doubtful" if gain else "identified")
+    for said in [only(found, "channels-delayed")] if gain else []:
+        assert abs(said["gain"] - gain) < said["within"] < 0.3 * gain
+        assert said["left"] == pytest.approx(said["behind"], rel=0.1)
+        assert said.names["background"] == "residuals"
 
 
 @pytest.mark.parametrize("absolute", [True, False])
