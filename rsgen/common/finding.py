@@ -143,7 +143,8 @@ class Verdict:
         looked into first; "missed": an estimate is outside tolerance; "accepted": all judged estimates are
         within tolerance; "identified": nothing speaks against the result, and nothing was judged.
     decided_by
-        The findings that decided, the gravest first; empty unless the state is "rejected" or "doubtful".
+        The findings that decided, in the order in which to look at them: the cause before what may follow
+        from it. Empty unless the state is "rejected" or "doubtful".
     summary
         What was judged, or else what was identified: the numbers of a headline; None where there are none.
     """
@@ -158,9 +159,8 @@ class Verdict:
         return self.state in USABLE
 
     def __str__(self) -> str:
-        """Return the state with the codes that decided, in the order in which to look at them."""
-        decided = import_module("rsgen.report.sentences").in_order(self.decided_by)
-        codes = ", ".join(dict.fromkeys(finding.code for finding in decided))
+        """Return the state with the codes that decided."""
+        codes = ", ".join(dict.fromkeys(finding.code for finding in self.decided_by))
         return f"{self.state} ({codes})" if codes else self.state
 
 
@@ -185,13 +185,10 @@ def reach_verdict(
     >>> reach_verdict([Finding("points-excluded", "warning")], within_tolerance=True).state
     'accepted'
     """
-    findings = tuple(findings)
-    errors = tuple(finding for finding in findings if finding.severity == "error")
-    doubts = tuple(finding for finding in findings if finding.severity == "doubt")
-    if errors:
-        return Verdict("rejected", errors + doubts, summary)
-    if doubts:
-        return Verdict("doubtful", doubts, summary)
+    decided = [finding for finding in findings if finding.severity in ("error", "doubt")]
+    if decided:
+        state: State = "rejected" if any(finding.severity == "error" for finding in decided) else "doubtful"
+        return Verdict(state, tuple(import_module("rsgen.report.sentences").in_order(decided)), summary)
     if within_tolerance is None:
         return Verdict("identified", summary=summary)
     return Verdict("accepted" if within_tolerance else "missed", summary=summary)
@@ -215,6 +212,7 @@ class StatedVerdict(TypedDict):
 MISREADINGS = frozenset(
     {
         "levels-swapped",
+        "levels-disagree",
         "not-passive",
         "another-quantity",
         "base-misread",
@@ -247,7 +245,7 @@ def verdict_lines(stated: StatedVerdict) -> list[str]:
 def printed_findings(verdict: Verdict, findings: Iterable[Finding]) -> list[str]:
     """Return the lines of ``print(found)``: what decided, as in ``explain``, a step, then the rest."""
     said = import_module("rsgen.report.sentences")
-    stated, decided = said.state_verdict(verdict), said.in_order(verdict.decided_by)
+    stated, decided = said.state_verdict(verdict), verdict.decided_by
     first = _looked_at_first(stated)
     others = sorted((one for one in findings if one not in decided), key=lambda one: one.severity == "info")
     steps = [f"next: {step}" for step in steps_once(stated)[:1]]

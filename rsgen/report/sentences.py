@@ -310,8 +310,8 @@ def in_order(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def state_verdict(verdict: Verdict) -> StatedVerdict:
-    """Put a verdict into words, its reasons in the order in which to look at them."""
-    decided = in_order(verdict.decided_by)
+    """Put a verdict into words."""
+    decided = verdict.decided_by
     return {
         "state": verdict.state,
         "headline": headline(verdict),

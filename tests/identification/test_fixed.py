@@ -20,7 +20,7 @@ from rsgen.identification.results.result import mass_lines
 from rsgen.law.element import as_elements
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
-from rsgen.report.sentences import in_order, next_step, state_verdict
+from rsgen.report.sentences import next_step, state_verdict
 from tests.case_files import Literal, write_small
 from tests.case_files import law as case_law
 from tests.surfaces import LAWS, MASS, beside, codes, noisy, surface
@@ -97,7 +97,7 @@ def test_a_mass_far_off_comes_first_whatever_a_fit_makes_of_it(law, times):
         # the phase that a wrong mass turns hides none
         seen = rsgen.Observation(background="phase" if law == "piecewise" else "none")
         asked = rsgen.identify(test, LAWS[law][0], seen, mass=times * MASS).verdict.decided_by
-        assert in_order(asked)[0].code == "fixed-contradicted"
+        assert asked[0].code == "fixed-contradicted"
     (said,) = mode_findings(test, times * MASS)
     assert said["fitted"] == pytest.approx(MASS, rel=0.02)
     assert f"the given mass is {times:.2g}" in next_step(said)
@@ -129,7 +129,7 @@ def test_exchanged_channels_are_named(order, columns, monkeypatch):
     assert not mode_findings(test, MASS)
     if (order, columns) == (0, "complex"):
         found = rsgen.identify(read, LAW)
-        assert in_order(found.verdict.decided_by)[0].names.get("is") == "exchanged"
+        assert found.verdict.decided_by[0].names.get("is") == "exchanged"
         monkeypatch.setattr(AmplitudeBalance, "peak", lambda *_: (np.zeros(0), np.zeros(0)))
         assert "prediction-extrapolated" in codes(rsgen.predict(found))
 
@@ -262,7 +262,9 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
     assert not mode_findings(read, MASS, (), True)
     assert (said.code, said["low"], said["high"]) == ("levels-swapped", low, high)
     assert not mode_findings(test, MASS)
-    stated = state_verdict(rsgen.identify(read, LAW).verdict)
+    verdict = rsgen.identify(read, LAW).verdict
+    stated = state_verdict(verdict)
+    assert verdict.decided_by[0] == said
     # the cause comes first, and what follows from it has neither a sentence nor a step of its own
     assert len(stated["sentences"]) > 1
     assert reasons_of(stated)[0] == stated["sentences"][0]

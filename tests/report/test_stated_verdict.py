@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.finding import Finding, Quantity, Verdict, reasons_of, steps_once
+from rsgen.common.finding import Finding, Quantity, reach_verdict, reasons_of, steps_once
 from rsgen.identification.results import Identification
 from rsgen.report import sentences
 from rsgen.report.page import write_index
@@ -122,7 +122,7 @@ def test_the_first_step_is_the_one_that_matters_most():
     sign = Finding("not-passive", "doubt", names={"reversed": "channel", "against": "power"})
 
     def order(*decided):
-        return [one["code"] for one in state_verdict(Verdict("rejected", decided))["decided_by"]]
+        return [one.code for one in reach_verdict(decided).decided_by]
 
     assert order(ambiguous, parts, misfit) == ["law-does-not-fit", "parts-disagree", "levels-predicted-worse"]
     assert order(parts, misfit, sign)[0] == "not-passive"
