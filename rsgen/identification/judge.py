@@ -369,9 +369,7 @@ class Findings:
         few_left_out = float(np.mean(~regression.used)) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE
         near = not self.fit.systematic or regression.rms_misfit < MISFIT_DOUBTFUL_WITH_PATTERN
         test = self.surface if mass is None else self.as_read
-        found += mode_findings(test, mass, found, near and few_left_out)
-        found += self._runs()
-        return found
+        return mode_findings(test, mass, [*found, *self._runs()], near and few_left_out)
 
     def _exclusions(self) -> list[Finding]:
         """Find points that were not fitted: unsettled ones, and outliers."""

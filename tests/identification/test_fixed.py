@@ -274,6 +274,41 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
     assert next_step(by_force) == next_step(said)
 
 
+@pytest.mark.parametrize("place", [0, 1, 3])
+@pytest.mark.parametrize("read", ["exchanged", "+1", "sign", "sense", "milli", "peak-to-peak"])
+def test_one_level_that_was_read_otherwise_than_the_others_is_named(read, place):
+    """The law was blamed, or two levels were called each other's, as here of velocities."""
+    test = surface("cubic")
+    test = noisy(test.select(np.isin(test.level, test.levels[:4])), NOISE, 1)
+    here, response = test.level == test.levels[place], test.harmonics[:, 1]
+    other = {"+1": 1j * test.omega, "sign": -1, "milli": 1e3, "peak-to-peak": 2}.get(read, 1) * response
+    other = response.conj() if read == "sense" else other
+    pushed, moved = (other, test.force) if read == "exchanged" else (test.force, other)
+    wrong = fundamentals(test, np.where(here, moved, response), np.where(here, pushed, test.force))
+    known = [Finding("levels-swapped", "doubt", "", {"low": 1.0, "high": 2.0, "pushed": 2.0, "moved": 0.5})]
+    (said,) = mode_findings(wrong, None, known, False)
+    assert (said.names.get("is", said.names.get("near")), said["level"]) == (read, test.levels[place])
+    if said.code == "levels-disagree":
+        assert said["gain"] == pytest.approx(np.abs(other / response)[0])
+    assert not mode_findings(test, None, (), False)
+    assert mode_findings(wrong, None, known, True) == known
+    if (read, place) == ("+1", 1):
+        assert rsgen.identify(wrong, LAW).verdict.decided_by[0] == said
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+def test_one_level_of_a_driven_base_with_exchanged_channels_is_named(absolute):
+    test = surface("cubic")
+    test = noisy(test.select(np.isin(test.level, test.levels[:4])), NOISE, 1)
+    here, base = test.level == test.levels[2], test.force / MASS / test.omega**2
+    top, table = test.harmonics[:, 1] + absolute * base, base
+    top, table = np.where(here, table, top), np.where(here, top, table)
+    shaken = {"base": "acceleration", "per_mass": True, "level": test.level / MASS}
+    wrong = fundamentals(test, top - absolute * table, table * test.omega**2, **shaken)
+    (said,) = mode_findings(wrong, None, (), False)
+    assert (said.names["is"], said["level"]) == ("exchanged", test.levels[2] / MASS)
+
+
 def test_two_levels_alone_accuse_each_other_of_nothing_that_curves_may_leave():
     test = surface("piecewise")
     test = test.select(np.isin(test.level, test.levels[[0, 2, 4, 5]]))
@@ -287,7 +322,8 @@ def test_two_levels_alone_accuse_each_other_of_nothing_that_curves_may_leave():
     pair = read.select(read.level <= second)
     assert not mode_findings(pair, MASS)
     negative = Finding("mass-negative", "error", "m")
-    assert [one.code for one in mode_findings(read, MASS, [negative], False)] == ["levels-swapped"]
+    codes_of = [one.code for one in mode_findings(read, MASS, [negative], False)]
+    assert codes_of == ["mass-negative", "levels-swapped"]
 
 
 TWO_SIDES = "Piecewise((k1*x, x > 0), (k2*x, True)) + c1*v + c2*v*abs(v)"

@@ -91,7 +91,7 @@ def size_findings(table: ResponseSurface | MultisineSpectra, case: Case) -> list
         return list(implausible(table)) if calibrated else []
     found = [*plausibility_findings(table, calibrated=calibrated)]
     mass = case.model.mass if case.observation.background in ("none", "phase") else None
-    return [*found, *mode_findings(table, mass, found)]
+    return mode_findings(table, mass, found)
 
 
 def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from math import nan, pi
@@ -33,6 +33,7 @@ _FACTORS_OF_MASS = {
 }  # fmt: skip
 """Further factors by which a mass is wrong if its unit, or that of another quantity, is misread."""
 
+_OF_LEVELS = ("levels-swapped", "levels-disagree", "level-deviates")
 _SAID = ("another-quantity", "base-misread", "fixed-contradicted", "mass-negative")
 _MIN_LEVELS = 3
 """Of two levels each has only the other one to contradict it."""
@@ -58,29 +59,35 @@ def mode_findings(
     known: Collection[Finding] = (),
     fits: bool | None = None,
 ) -> list[Finding]:
-    """Find that levels or channels are exchanged, or a given mass [kg] is in another unit; none or one.
+    """Return what is known, and that levels or channels are exchanged, one level was misread, or a given mass
+    [kg] is in another unit; none of these or one.
 
-    Nothing is found where it is known that the response, the base or the mass was misread, and no exchange of
-    levels where a law fits as they were read (``fits``; None where there is no law).
+    Nothing is found where it is known that the response, the base or the mass was misread, and nothing of
+    levels where a law fits as they were read (``fits``; None where there is no law). What is known of other
+    levels follows from one that was misread, and goes.
     """
-    rows = driven_points(surface)
-    other = surface.base or surface.per_mass or surface.decays or np.isfinite(surface.across).any()
+    rows, known = driven_points(surface), list(known)
+    other = surface.decays or np.isfinite(surface.across).any() or surface.control == "phase"
     said = {f.code for f in (*surface.findings, *known) if f.code in _SAID and f.parameter in ("", "m")}
     # an exchange of levels may be what makes the mass negative
-    if said - {"mass-negative"} or other or surface.control == "phase" or len(rows) < _MIN_POINTS:
-        return []
-    omega, response = surface.omega[rows], surface.harmonics[rows, 1]
-    if not fits:
+    if said - {"mass-negative"} or other or len(rows) < _MIN_POINTS:
+        return known
+    omega, response, level = surface.omega[rows], surface.harmonics[rows, 1], surface.level[rows]
+    shaken = surface.base or surface.per_mass
+    if not (fits or shaken):
         # any curves are less than a law that is known not to fit, and two levels less than more
         floors = (MISFIT_NEGLIGIBLE, _MISFIT_OF_EXCHANGE, MISFIT_REJECTED)
-        floor = floors[(fits is None) + (len(np.unique(surface.level[rows])) < _MIN_LEVELS)]
-        if swapped := _swapped(surface.force[rows], response, omega, surface.level[rows], floor):
-            return swapped
-    if said:
-        return []
+        floor = floors[(fits is None) + (len(np.unique(level)) < _MIN_LEVELS)]
+        if swapped := _swapped(surface.force[rows], response, omega, level, floor):
+            return [*known, *swapped]
+    inertia = 1.0 if surface.per_mass else nan if mass is None or not surface.base else mass
+    if not fits and (misread := _misread_level(surface.select(rows), inertia)):
+        return [*(one for one in known if one.code not in _OF_LEVELS), *misread]
+    if said or shaken:
+        return known
     force, motion = steady(surface.force[rows], response, omega)
     swapped = exchanged_channels(force, motion, omega, held=surface.response_held)
-    return swapped or ([] if mass is None else _of_mass(force, motion, mass))
+    return [*known, *(swapped or ([] if mass is None else _of_mass(force, motion, mass)))]
 
 
 def _typical_misfit(force: ComplexArray, motion: Kinematics, mass: float = nan) -> tuple[float, bool]:
@@ -120,6 +127,70 @@ def _swapped(
     return [Finding("levels-swapped", "doubt", "", numbers)]
 
 
+def _misread_level(test: ResponseSurface, mass: float) -> list[Finding]:
+    """Find the one level of several whose channels were read otherwise than those of the others; none or one.
+
+    Free curves explain the others alone, and all levels where that one is read in another way. The mass [kg]
+    is NaN where it is free.
+    """
+    force, response, omega, level = test.force, test.harmonics[:, 1], test.omega, test.level
+    levels, counts = np.unique(level, return_counts=True)
+
+    def fit(pushed: ComplexArray, moved: ComplexArray, without: float = nan) -> float:
+        """Return the largest of the median misfits of all levels; infinite if m, k or c is negative."""
+        chosen = level != without
+        shapes, motion = hats(np.abs(moved[chosen])), steady(pushed[chosen], moved[chosen], omega[chosen])
+        found = fit_mode(*motion, shapes, 1 / np.abs(pushed[chosen]), mass=mass)
+        left = np.abs(found.left)
+        typical = [np.median(left[level[chosen] == one]) for one in levels if one != without]
+        return float(max(typical)) if all(found.passive) else np.inf
+
+    if len(levels) < _MIN_LEVELS or (test.base and np.isnan(mass)):
+        return []
+    misfit, left = fit(force, response), [fit(force, response, one) for one in levels]
+    place, enough = int(np.argmin(left)), min((1 - MIN_MISFIT_REDUCTION) * misfit, MISFIT_REJECTED)
+    if misfit < MISFIT_REJECTED or left[place] > enough or counts[place] < MIN_POINTS_OF_RUN:
+        return []
+    here, fits = level == levels[place], list[tuple[float, str, float]]()
+    for name, pushed, moved in _readings(test, mass):
+        then = fit(np.where(here, pushed, force), np.where(here, moved, response))
+        fits.append((then, name, float(np.abs(response / moved)[here][0])))
+    then, name, gain = min(fits)
+    if then > enough:
+        return []
+    numbers = {"level": Quantity(levels[place], test.level_unit)} | quantities(then=then)
+    if name in COMMON_FACTORS:
+        return [Finding("levels-disagree", "doubt", "", numbers | quantities(gain=gain), {"near": name})]
+    numbers |= quantities(misfit=misfit) if np.isfinite(misfit) else {}
+    return [Finding("another-quantity", "doubt", "", numbers, {"is": name, "sure": "yes"})]
+
+
+def _readings(test: ResponseSurface, mass: float) -> list[tuple[str, ComplexArray, ComplexArray]]:
+    """Return what channels may be: a name, force and response (n,) that they then are."""
+    force, response, omega = test.force, test.harmonics[:, 1], test.omega
+    if test.base:
+        # the motion is the absolute one minus that of the base, or was measured
+        inertia = mass * omega**2
+        pairs = [(inertia * response + force, -response), (inertia * response, force / inertia)]
+        return [("exchanged", *pair) for pair in pairs]
+    motions = {"sign": [-response], "sense": [force * np.conj(response / force)]}
+    motions |= {f"{order:+d}": [response / (1j * omega) ** order] for order in (-2, -1, 1, 2)}
+    motions |= {name: [response / by, response * by] for name, by in COMMON_FACTORS.items()}
+    others = [(name, force, moved) for name, either in motions.items() for moved in either]
+    return [*others, *(("exchanged", *pair) for pair in _exchanged(force, response, omega))]
+
+
+def _exchanged(
+    force: ComplexArray, response: ComplexArray, omega: Array
+) -> Iterator[tuple[ComplexArray, ComplexArray]]:
+    """Yield force and response (n,) of channels that were read as each other, up to accelerations."""
+    phase = np.angle(response / force)
+    for order in range(3):
+        pushed = np.abs(response) * omega**order
+        for turn in (phase, -phase - order * pi):
+            yield pushed.astype(complex), np.abs(force) / omega**order * np.exp(1j * turn)
+
+
 def exchanged_channels(
     force: ComplexArray, motion: Kinematics, omega: Array, *, held: bool = False, share: float = 0.0
 ) -> list[Finding]:
@@ -131,15 +202,11 @@ def exchanged_channels(
     misfit, taken = _typical_misfit(force, motion)
     if taken and misfit < MISFIT_REJECTED:
         return []
-    then, phase = np.inf, np.angle(motion.displacement / force)
-    for order in range(3):
-        pushed = np.abs(motion.displacement) * omega**order
-        if not held and np.std(np.log(pushed)) > np.std(np.log(np.abs(force))):
-            # as a force it would vary more than what it drives
-            continue
-        for turn in (phase, -phase - order * pi):
-            moved = np.abs(force) / omega**order * np.exp(1j * turn)
-            left, passive = _typical_misfit(*steady(pushed.astype(complex), moved, omega))
+    then, varies = np.inf, np.std(np.log(np.abs(force)))
+    for pushed, moved in _exchanged(force, motion.displacement, omega):
+        # as a force it would vary more than what it drives
+        if held or np.std(np.log(np.abs(pushed))) <= varies:
+            left, passive = _typical_misfit(*steady(pushed, moved, omega))
             then = min(then, left) if passive else then
     # next to a reading that takes no energy any is better; a fast sweep was corrected by the wrong channel
     if then > max(MISFIT_EXPLAINED if taken else RELATIVE_ERROR_DOUBTFUL, share * misfit):
