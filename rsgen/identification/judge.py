@@ -350,8 +350,9 @@ class Findings:
         found += limit_findings(self.surface.findings, self.fit)
         if not (self.fit.regression.converged or misread):
             # where the steps ended says nothing of the best values, nor do the errors there
-            exchanged = [f.parameter for f in of_parameters if "mirror" in f.names]
-            names = {"exchanged": " and ".join(exchanged)} if exchanged else {}
+            said = (("exchanged", "mirror"), ("flat", "flat"))
+            why = {name: [f.parameter for f in of_parameters if of in f.names] for name, of in said}
+            names = {name: " and ".join(of) for name, of in why.items() if of}
             found.append(Finding("not-converged", "doubt", names=names))
         found += misfit_findings(self.surface, self.points, self.fit, wider, self.errors.others)
         found += even_findings(self.fit)

@@ -11,6 +11,7 @@ import rsgen as rs
 from rsgen.identification.misfit import background_findings
 from rsgen.identification.results.alternatives import Alternative, Alternatives
 from rsgen.report.sentences import next_step, sentence
+from tests.samples import cubic_surface
 from tests.surfaces import codes, noisy
 from tests.virtual import fundamentals, only, simulated
 
@@ -155,6 +156,9 @@ def test_a_spring_that_is_nothing_has_its_largest_share_of_the_force():
     whole = found["k"].value / size**2 + k3.value
     assert cubic["share"] == pytest.approx((abs(k3.value) + 1.96 * k3.standard_error) / whole, rel=1e-2)
     assert "share" not in unseen["c3"].numbers
+    # a damper of larger motions was left out by this advice, and another one took its part
+    assert "other levels" in sentence(cubic)
+    assert "leave its term out" not in sentence(cubic)
 
 
 def test_a_width_of_friction_that_is_nothing_leaves_coulombs():
@@ -162,7 +166,7 @@ def test_a_width_of_friction_that_is_nothing_leaves_coulombs():
     width = rs.identify(simulated(law, values, [2, 5], (9, 11, 15), **BALANCED), law)["vs"].finding
     assert width.code == "not-distinct-from-zero"
     assert width.names == {"smooth": "tanh(v/vs)", "jump": "sign(v)"}
-    assert "leave its term out" not in sentence(width)
+    assert "in a law without it" not in sentence(width)
 
 
 def test_a_coefficient_that_goes_with_its_exponent_is_no_term_to_leave_out():
@@ -171,7 +175,18 @@ def test_a_coefficient_that_goes_with_its_exponent_is_no_term_to_leave_out():
     test = simulated(law, values, [1, 2], (9, 11, 15), **BALANCED | {"noise_relative": 0.03})
     said = rs.identify(test, law)["kp"].finding
     assert (said.code, said.names) == ("not-distinct-from-zero", {"exponent": "p"})
-    assert "leave its term out" not in sentence(said)
+    assert "in a law without it" not in sentence(said)
+
+
+@pytest.mark.parametrize("hardens", ["b**2", "abs(b)"])
+def test_a_coefficient_that_cannot_be_negative_is_said_to_be_so_where_it_goes_to_zero(hardens):
+    """The steps ended near zero, where the law does not change with b, and nothing was said of it."""
+    found = rs.identify(cubic_surface(levels=4, frequencies=31), f"k1*x + {hardens}*x**3 + c1*v")
+    assert only(found, "not-converged").names == {"flat": "b"}
+    assert next_step(only(found, "not-converged")).startswith("Write the coefficient itself")
+    assert found["b"].finding.names == {"flat": "yes"}
+    fewer = rs.identify(cubic_surface(levels=4, frequencies=31), f"k1*x - {hardens}*x**3 + c1*v")
+    assert "not-converged" not in codes(fewer)
 
 
 def test_a_law_of_which_most_parameters_are_nothing_is_doubtful():

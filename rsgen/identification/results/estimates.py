@@ -425,8 +425,10 @@ class _Reasons:
         error = float(np.sqrt(regression.covariance[i, i]))
         if np.isfinite(error) and not is_significant(value, error):
             if not regression.converged:
-                # neither says anything where the steps ended
-                return Finding("not-distinct-from-zero", "warning", name)
+                # neither says anything where the steps ended; of b**2 these have no slope at zero
+                slope = self.force.diff(symbol(name))
+                flat = slope != 0 and slope.subs(symbol(name), 0) == 0
+                return Finding("not-distinct-from-zero", "warning", name, {}, {"flat": "yes"} if flat else {})
             numbers = {"value": Quantity(value, unit), "standard_error": Quantity(error, unit), **self.tested}
             numbers |= self._share(name, abs(value) + interval_sigmas() * error)
             why = self._exponent(name) or self._without_width(name)
