@@ -53,8 +53,12 @@ def _rows(
             )
         if values.dtype.kind == "c":
             raise MeasurementError(f"{label}: {quote(name)} is complex; samples are real numbers")
-        is_time = test.history is not None and name == test.history.time
-        rows[name] = _in_seconds(test, label, channels[0], values, findings) if is_time else values
+        rule = cast("HistoryRule", test.history)
+        if name == rule.time:
+            values = _in_si(label, channels[0], values, findings, "s", rule.unit)
+        elif name == rule.rate_column and all(name != channel.samples for channel in test.sources):
+            values = _in_si(label, channels[0], values, findings, "Hz")
+        rows[name] = values
     titles = {name: channels[0].path for name, channels in groups.items()}
     for channel in test.sources:
         if channel.samples in rows:
@@ -62,19 +66,38 @@ def _rows(
     return rows
 
 
-def _in_seconds(
-    test: MeasuredTest, label: str, column: StoredArray, values: NDArray[Any], findings: list[Finding]
+_PER_SECOND = re.compile(r"(?:1|Sa?|samples?)/s\Z")
+"""Units of a sampling rate that are hertz."""
+
+
+def _in_si(
+    label: str,
+    column: StoredArray,
+    values: NDArray[Any],
+    findings: list[Finding],
+    target: str,
+    unit: str | None = None,
 ) -> NDArray[Any]:
-    """Return instants (n,) [s], by their unit in the case or else in the file; doubt it where they differ."""
-    said, unit = sensor_size(column.unit, "s"), cast("HistoryRule", test.history).unit
+    """Return instants or rates (n,) in s or Hz, by the unit in the case or else in the file.
+
+    A file that names another unit than the case is doubted, a rate in a unit that is none of rates refused.
+    """
+    said = sensor_size(_PER_SECOND.sub("Hz", column.unit), target)
+    # a rate called f_s has no unit
+    if target == "Hz" and said is None and column.unit and not column.path.lower().endswith("f_s"):
+        raise MeasurementError(
+            f"{label}: {quote(column.path)} is in {column.unit}; a sampling rate in Hz or kHz is needed, or "
+            "the number under rate"
+        )
     size = SECONDS[unit] if unit else said or 1.0
     if said is not None and said != size:
-        findings.append(contradiction(label, column.path, unit or "s", column.unit))
+        findings.append(contradiction(label, column.path, unit or target, column.unit))
     elif size != 1 and not unit:
         about = {"file": label, "column": column.path, "unit": column.unit}
-        findings.append(
-            Finding("unit-of-file", "info", names=about | {"source": column.unit_source or "the file"})
-        )
+        about["source"] = column.unit_source or "the file"
+        # a rate has no unit in the case
+        alone = {"of": "rate"} if target == "Hz" else {}
+        findings.append(Finding("unit-of-file", "info", names=about | alone))
     return scaled(values, size)
 
 

@@ -152,7 +152,9 @@ class HistoryRule(Checked):
 
     excitation: Excitation
     rate: Hertz | None = declare(None, "The sampling rate, such as 400 Hz.", key="time.rate")
-    rate_column: Column | None = declare(None, "Where the file has the rate [Hz].", key="time.rate_column")
+    rate_column: Column | None = declare(
+        None, "Where the file has the rate [Hz], or in the unit of its title.", key="time.rate_column"
+    )
     time: Column | None = declare(
         None, "A column of evenly spaced instants; rounded ones need the rate, too.", key="time.column"
     )

@@ -237,6 +237,24 @@ def test_a_title_of_another_quantity_than_the_response_is_a_doubt(tmp_path, titl
         assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
 
 
+@pytest.mark.parametrize(("title", "rate", "found"), [
+    ("rate [kHz]", 5e4, ["unit-of-file"]), ("fs [kS/s]", 5e4, ["unit-of-file"]), ("fs [1/s]", 50.0, []),
+    ("run f_s", 50.0, []), ("dt [ms]", None, []), ("rate [V]", None, []),
+])  # fmt: skip
+def test_a_rate_has_the_unit_of_its_title_and_one_that_is_none_of_rates_is_refused(
+    tmp_path, title, rate, found
+):
+    path = write_columns(tmp_path / "a.csv", f"{title},F [N],a [m/s^2]", 0 * T + 50, FORCE, FORCE)
+    keys = {"force": "F [N]", "response": "a [m/s^2]", "history": swept(rate_column=title)}
+    if rate is None:
+        refused = f"{path}: '{title}' is in {title[-3:-1].strip('[')}; a sampling rate in Hz or kHz is needed"
+        with pytest.raises(MeasurementError, match=f"^{re.escape(refused)}"):
+            read_record(path, **keys)
+    else:
+        got = read_record(path, **keys)
+        assert (got.rate, [one.code for one in got.findings]) == (rate, found)
+
+
 def test_a_signal_that_is_asked_for_again_is_scaled_once(tmp_path):
     test = history(write(tmp_path / "a.npz"), response=Channel(samples="a[2]", factor=9.80665))
     record = _record(test, swept(rate=50.0), 0)
