@@ -166,8 +166,9 @@ def quantity(value: object, unit: str | None = None) -> float:
         return _finite(value, shown(value))
     number, text = _split(value)
     if not text:
-        needed = f"; a unit such as {unit} is missing" if unit and unit != "1" else ""
-        raise RsgenError(f"{shown(value)} is a number in quotes{needed}; {_USAGE}")
+        typed, unit = value.strip(), "" if unit == "1" else unit
+        how = f'write "{typed} {unit}", or {typed} without quotes, in {unit}' if unit else _USAGE
+        raise RsgenError(f"{shown(value)} is a number in quotes; {how}")
     try:
         found = read_unit(text)
     except RsgenError as fault:

@@ -39,7 +39,7 @@ def test_a_quantity_is_its_si_value(text, unit, value):
     ("50 Hz", "rad/s", "counts cycles, but rad/s is needed; a cycle is 2 pi rad: write 314.159 rad/s"),
     ("50 rad/s", "Hz", "is an angular frequency, but Hz is needed"),
     ("5 m", "1", "is a length, but a plain number without unit is needed"),
-    ("1.0", "N", "a number in quotes; a unit such as N is missing"),
+    ("1.0", "N", "a number in quotes; write \"1.0 N\", or 1.0 without quotes, in N"),
     ("", "N", "is not a number with a unit"), ("N", "N", "is not a number with a unit"),
     ("5,92 kN", "N", "write a decimal point"), ("5 kn/m", "N/m", "N/m (a stiffness) is needed"),
     ("5 Nm", "N", "the unit 'Nm' is not known, did you mean 'N*m'?"),
