@@ -42,7 +42,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.oscillator import Model, force_units, refuse_across
 from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
-from rsgen.data.surface.response_surface import Outcome, ResponseSurface
+from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
 from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
@@ -50,6 +50,7 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import (
     Points,
+    at_rest,
     gap_of,
     loop_error,
     refuse_resonance_alone,
@@ -387,6 +388,11 @@ class Findings:
             level, frequency = self.surface.level[left], self.surface.frequency[left]
             names["where"] = points_at(level, frequency, self.surface.level_unit)
         found = [Finding("points-excluded", "info", numbers=numbers, names=names)] if unsettled > 0 else []
+        tested = within(self.surface, self.model.observation.band)
+        still = at_rest(tested)
+        # exactly zero of a measured test was said where it was read
+        if still.any() and all(f.names.get("by") != "zero" for f in self.surface.findings):
+            found.append(left_out("standstill", tested, still, self.surface.level_unit))
         fold = self.fit.beyond_fold
         if fold.any():
             found.append(left_out("fold", self.points, fold, self.surface.level_unit))

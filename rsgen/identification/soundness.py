@@ -213,7 +213,7 @@ def held_points(problem: Problem, parameters: Array, noise: NDArray[np.bool_]) -
 
 
 def left_out(
-    reason: str, points: Points, excluded: NDArray[np.bool_], unit: str, **numbers: Quantity
+    reason: str, points: Points | ResponseSurface, excluded: NDArray[np.bool_], unit: str, **numbers: Quantity
 ) -> Finding:
     """State which points (n,) a fit leaves out for a reason, with further numbers; levels have a unit."""
     counts = quantities(excluded=int(np.count_nonzero(excluded)), points=len(excluded), **numbers)

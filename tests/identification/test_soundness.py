@@ -62,6 +62,8 @@ def test_noise_of_levels_that_friction_holds_does_not_reject_the_law(levels):
     assert max(errors(found, {**values, "m": 1.0}).values()) < 0.01
     (left,) = (finding for finding in found.findings if finding.names.get("by") == "friction")
     assert left["excluded"] == np.count_nonzero(exact.amplitude == 0)
+    (rests,) = (finding for finding in identify(exact, law).findings if "by" in finding.names)
+    assert (rests.names["by"], rests["excluded"]) == ("standstill", left["excluded"])
     assert "law-does-not-fit" in severities(identify(table, "k*x + c*v + k3*x**3"))
     # the lowest level moves, and friction holds the highest one
     named = {levels[0]: 5.0, 5.0: levels[0]}

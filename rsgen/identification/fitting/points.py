@@ -239,9 +239,11 @@ class Points:
         return np.sort(order[np.linspace(0, len(self) - 1, count).round().astype(np.intp)])
 
 
-def _at_rest(surface: ResponseSurface) -> float:
-    """Return the amplitude [m] up to which a point is at rest, held by friction, to round-off."""
-    return ROUND_OFF * float(np.max(surface.amplitude, initial=0.0, where=np.isfinite(surface.amplitude)))
+def at_rest(surface: ResponseSurface) -> NDArray[np.bool_]:
+    """(n,) settled points at rest to round-off, as where friction holds the mass."""
+    size = surface.amplitude
+    most = ROUND_OFF * float(np.max(size, initial=0.0, where=np.isfinite(size)))
+    return surface.settled & (size <= most)
 
 
 def _why_unused(surface: ResponseSurface) -> str:
@@ -251,7 +253,7 @@ def _why_unused(surface: ResponseSurface) -> str:
         for outcome in Outcome
         if outcome and (count := int(np.count_nonzero(surface.outcome == outcome)))
     ]
-    still = int(np.count_nonzero(surface.settled & (surface.amplitude <= _at_rest(surface))))
+    still = int(np.count_nonzero(at_rest(surface)))
     if still:
         largest = f"of the largest response, {np.nanmax(surface.amplitude):.2g} m"
         why = "friction holds the mass at these levels, or the largest is an outlier"
@@ -367,7 +369,7 @@ def select_points(surface: ResponseSurface, model: Model) -> Points:
         & ~surface.held_out(model.observation.hold_out)
         & np.isfinite(harmonics[:, 1])
         & np.isfinite(surface.force)
-        & (np.abs(harmonics[:, 1]) > _at_rest(surface))
+        & ~at_rest(surface)
         & (np.abs(surface.force) > 0)
     )
     if model.observation.band is not None:
