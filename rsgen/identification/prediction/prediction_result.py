@@ -179,17 +179,16 @@ class ResonanceCurve(Brief):
 
     @property
     def lost(self) -> dict[str, str]:
-        """How motions outside folds lose stability, and from where to where; empty where none do."""
+        """How motions outside folds lose stability, from where to where at least and at most; or nothing."""
         outside = np.abs(self.multiplier) > 1 + MULTIPLIER_ROUND_OFF
         if not outside.any():
             return {}
         first = self.multiplier[outside][0]
         by = "beats" if first.imag else "period" if first.real < 0 else "symmetry"
         wide = np.pad(self.frequency, 1, constant_values=np.nan)
-        # each point up to half way to its neighbours
-        edges = np.nanmean([wide[:-1], wide[1:]], axis=0)
-        parts = [edges[at : at + count + 1] for at, count in zip(*true_runs(outside), strict=True)]
-        texts = [f"{part.min():.3g} to {part.max():.3g} Hz" for part in sorted(parts, key=np.min)]
+        runs = [wide[at : at + count + 2] for at, count in zip(*true_runs(outside), strict=True)]
+        ends = [(np.nanmin(run), run[1:-1].min(), run[1:-1].max(), np.nanmax(run)) for run in runs]
+        texts = [f"{b:.4g} to {c:.4g} Hz (at most {a:.4g} to {d:.4g})" for a, b, c, d in sorted(ends)]
         return {"by": by, "where": " and ".join(texts)}
 
 
