@@ -7,7 +7,7 @@ import numpy as np
 
 import rsgen
 from rsgen.data.surface.response_surface import ResponseSurface
-from tests.pins import pinned, trees
+from tests.pins import trees
 from tests.pins.grids import FINE, FREQUENCIES, LEVELS, NOISE, small
 from tests.pins.pinned import ACCURACY, SWITCHED, Pin, Tree
 from tests.pins.trees import series
@@ -113,6 +113,3 @@ PINS = {
     "modal/base": Pin(lambda: modal(simulated("base-acceleration"))),
     "modal/coulomb": Pin(lambda: modal(small("coulomb")), SWITCHED),
 }
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

@@ -11,7 +11,7 @@ from tests.history.test_decay import MASS, RATE, STIFFNESS, decay
 from tests.history.test_stepped_sine import stepped
 from tests.history.test_swept_sine import spoilt
 from tests.oracles.swept import sweep
-from tests.pins import pinned, trees
+from tests.pins import trees
 from tests.pins.pinned import SMOOTH, Pin, Tree
 
 UP, DOWN = SweepLaw("linear", 9.0, 0.05), SweepLaw("linear", 11.0, -0.05)
@@ -107,6 +107,3 @@ PINS = {
     "decay/surface": Pin(lambda: trees.surface(_decay_surface()), INTEGRATED),
     "decay/identified": Pin(lambda: trees.fitted(_decay_surface(), LAW, mass=MASS)),
 }  # fmt: skip
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

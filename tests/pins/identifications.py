@@ -1,7 +1,4 @@
-"""Identifications with pinned numbers: cases of the paper, measured tests, fifty random ones with noise.
-
-``python -m tests.pins.identifications --renew "reason" id ...`` computes the pins of these ids anew.
-"""
+"""Identifications with pinned numbers: cases of the paper, measured tests, fifty random ones with noise."""
 
 import os
 from collections.abc import Callable
@@ -14,8 +11,8 @@ import numpy as np
 import rsgen
 from rsgen.data.oscillator import Model, Observation
 from rsgen.files.files_to_surface import read_measurement
-from tests.pins import pinned, trees
-from tests.pins.pinned import SMOOTH, Pin, Tree
+from tests.pins import trees
+from tests.pins.pinned import SMOOTH, Pin, Tree, stored
 
 ROOT = Path(__file__).parents[2]
 MASS = 1.5
@@ -129,7 +126,7 @@ LAST_STEP = 1e-12
 """Of the response: exact data has as noise what the last step of a fit leaves. It differs from processor to
 processor, and standard errors with it."""
 
-NUMBERS = pinned.read(pinned.numbers_file(__file__))
+NUMBERS = stored("identifications")
 
 
 def _pin(key: str) -> Pin:
@@ -144,6 +141,3 @@ def _pin(key: str) -> Pin:
 
 
 PINS = {key: _pin(key) for key in IDENTIFICATIONS}
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

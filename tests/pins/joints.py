@@ -14,7 +14,7 @@ from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.figures.equivalent import SAMPLES, loop_force, measured_loops
 from rsgen.report.result_json import dissipation_entry
-from tests.pins import pinned, trees
+from tests.pins import trees
 from tests.pins.grids import JOINT_MASS, JOINTS, LEVELS, NOISE, joint, joint_law, small_joint
 from tests.pins.pinned import ACCURACY, SWITCHED, Pin, Tree
 from tests.pins.trees import series
@@ -114,6 +114,3 @@ PINS = {
     "identified/jenkins-background": Pin(_background, SWITCHED, slow=True),
     "predicted/jenkins-held-out": Pin(_held_out, SWITCHED, slow=True),
 }
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

@@ -9,7 +9,7 @@ from rsgen.data.multisine.linear import BestLinear
 from rsgen.identification.results import MultisineIdentification
 from tests.multisine.test_multisine import LAW, SIZES, duffing, histories, spectra
 from tests.multisine.test_simulated_multisine import LAWS, simulated
-from tests.pins import pinned, trees
+from tests.pins import trees
 from tests.pins.grids import joint, joint_law
 from tests.pins.pinned import SWITCHED, Pin, Tree
 from tests.pins.trees import parts, series
@@ -160,6 +160,3 @@ PINS = {
     "predicted/friction": Pin(lambda: predicted(virtual("friction", NOISE), FRICTION, 5.0), SWITCHED),
     "predicted/made": Pin(lambda: predicted(made(NOISE, 4), LAW, float(made(NOISE, 4).level[1]))),
 }
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

@@ -31,7 +31,6 @@ from rsgen.identification.ranking.ranking_result import Candidate
 from rsgen.law.element import Element
 from tests.conftest import FEW
 from tests.identification.test_across import two_masses
-from tests.pins import pinned
 from tests.pins.grids import NOISE, small
 from tests.pins.multisine import CUBIC, virtual
 from tests.pins.pinned import Pin, Tree
@@ -150,6 +149,3 @@ PINS = {
         for kind in REPORTS
     },
 }  # fmt: skip
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

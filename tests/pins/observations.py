@@ -12,9 +12,9 @@ from rsgen.data.surface.response_surface import ResponseSurface
 from tests import surfaces
 from tests.fitting.test_repeats import repeated
 from tests.identification.test_across import ELEMENTS, GAUGE, driven_by_a_sine, seen_by, two_masses
-from tests.pins import pinned, trees
+from tests.pins import trees
 from tests.pins.grids import NOISE, small
-from tests.pins.pinned import SWITCHED, Allowed, Pin, Tree
+from tests.pins.pinned import SMOOTH, SWITCHED, Allowed, Pin, Tree
 from tests.surfaces import LAWS, MASS, changed, noisy
 
 KINDS = (*BACKGROUNDS, *(f"{kind}{OFFSET}" for kind in BACKGROUNDS if kind != "none"))
@@ -97,7 +97,7 @@ def _fundamental_only() -> Tree:
     return of("cubic", ResponseSurface(table.level, table.frequency, table.force, fundamental, sweep="rest"))
 
 
-FLAT = replace(pinned.SMOOTH, of_standard_error=1e-4, error=1e-3)
+FLAT = replace(SMOOTH, of_standard_error=1e-4, error=1e-3)
 """Where no point tells one parameter of a law from another, a test moved by 1e-15 moves what the paper's
 method says of them by 3e-6 of its standard error."""
 
@@ -105,7 +105,7 @@ method says of them by 3e-6 of its standard error."""
 def _allowed(law: str) -> Allowed:
     if law == "tanh":
         return FLAT
-    return SWITCHED if law in ("coulomb", "piecewise", "bilinear", "two-gaps") else pinned.SMOOTH
+    return SWITCHED if law in ("coulomb", "piecewise", "bilinear", "two-gaps") else SMOOTH
 
 
 PINS = {
@@ -136,6 +136,3 @@ PINS = {
     "two-sensors/hold-out": Pin(lambda: _across(two_masses(noise=0.003), rsgen.Observation(hold_out=(3.0,)))),
     "two-sensors/driven-by-a-sine": Pin(lambda: _across(driven_by_a_sine())),
 }  # fmt: skip
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

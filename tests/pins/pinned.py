@@ -2,13 +2,11 @@
 
 A tree is a nested dict of numbers, texts and lists: null for what is not finite, a pair for a complex number,
 for an array some entries and their root mean square (``trees.series``). A module has a table ``PINS`` of
-``id -> Pin`` and a file of the same name with the numbers; ``python -m tests.pins.MODULE --renew "reason" id
-...`` computes these ids anew and writes the reason with each.
+``id -> Pin`` and a file of the same name with the numbers.
 """
 
-import argparse
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import hypot, isfinite
 from pathlib import Path
@@ -96,40 +94,33 @@ def _rounded(tree: Tree) -> Tree:
     raise TypeError(f"a pin holds numbers and texts, no {type(tree).__name__}")
 
 
-def changes(old: Tree, new: Tree, allowed: Allowed = SMOOTH, path: str = "") -> list[str]:
-    """Return every place where two trees differ by more than is allowed, with old and new number."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        found = [
-            said
-            for key in sorted(set(old) ^ set(new))
-            for said in _moved(f"{path}/{key}", old.get(key, "nothing"), new.get(key, "nothing"))
-        ]
-        for key in (key for key in old if key in new):
-            inner = f"{path}/{key}"
-            if key == "at" and "rms" in old:
-                room = (allowed.error if path.endswith("_error") else allowed.value) * _scale(old)
-                for index, entry in old[key].items():
-                    found += _moved(f"{inner}/{index}", entry, new[key].get(index), room)
-            elif _is_number(old[key]):
-                found += _moved(inner, old[key], new[key], _room(old, key, allowed))
+def leaves(
+    tree: Tree, allowed: Allowed = SMOOTH, path: str = "", room: float = 0.0
+) -> Iterator[tuple[str, Tree, float]]:
+    """Yield every number, text and list of texts with its path, and how far it may move."""
+    if isinstance(tree, dict):
+        for key, value in tree.items():
+            if key == "at" and "rms" in tree:
+                room = (allowed.error if path.endswith("_error") else allowed.value) * _scale(tree)
+                yield from ((f"{path}/at/{index}", entry, room) for index, entry in value.items())
             else:
-                found += changes(old[key], new[key], allowed, inner)
-        return found
-    if _is_number(old) or not (isinstance(old, list) and isinstance(new, list)):
-        return _moved(path, old, new, allowed.value * _size(old) if _is_number(old) else 0.0)
-    if all(isinstance(one, str) for one in (*old, *new)):
-        gone, come = sorted(set(old) - set(new)), sorted(set(new) - set(old))
-        found = [f"{path}: {name} -> nothing" for name in gone] + [
-            f"{path}: nothing -> {name}" for name in come
-        ]
-        return found or _moved(path, old, new)
-    if len(old) != len(new):
-        return [f"{path}: {len(old)} entries -> {len(new)} entries"]
-    return [
-        said
-        for i, (one, other) in enumerate(zip(old, new, strict=True))
-        for said in changes(one, other, allowed, f"{path}[{i}]")
-    ]
+                yield from leaves(value, allowed, f"{path}/{key}", _room(tree, key, allowed))
+    elif isinstance(tree, list) and not _is_number(tree) and not _are_texts(tree):
+        for i, value in enumerate(tree):
+            yield from leaves(value, allowed, f"{path}[{i}]", allowed.value * _size(value))
+    else:
+        yield path, tree, room
+
+
+def changes(old: Tree, new: Tree, allowed: Allowed = SMOOTH) -> list[str]:
+    """Return every place where two trees differ by more than is allowed, with old and new number."""
+    before = {path: (leaf, room) for path, leaf, room in leaves(old, allowed)}
+    after = {path: leaf for path, leaf, _ in leaves(new, allowed)}
+    found = []
+    for path in dict.fromkeys((*before, *after)):
+        leaf, room = before.get(path, ("nothing", 0.0))
+        found += _moved(path, leaf, after.get(path, "nothing"), room)
+    return found
 
 
 def _is_number(tree: Tree) -> bool:
@@ -138,8 +129,14 @@ def _is_number(tree: Tree) -> bool:
     return pair or isinstance(tree, float)
 
 
-def _size(number: Tree) -> float:
-    return hypot(*number) if isinstance(number, list) else abs(number)
+def _are_texts(tree: Tree) -> bool:
+    return isinstance(tree, list) and all(isinstance(one, str) for one in tree)
+
+
+def _size(tree: Tree) -> float:
+    if not _is_number(tree):
+        return 0.0
+    return hypot(*tree) if isinstance(tree, list) else abs(tree)
 
 
 def _scale(summary: dict[str, Tree]) -> float:
@@ -154,7 +151,7 @@ def _room(siblings: dict[str, Tree], key: str, allowed: Allowed) -> float:
     if key in LEFT:
         return max(allowed.error * size, allowed.left)
     if key == "standard_error":
-        return max(allowed.error * size, ROUND_OFF * _size(siblings.get("value") or 0.0))
+        return max(allowed.error * size, ROUND_OFF * _size(siblings.get("value")))
     if key == "bic":
         # twice a logarithm of likelihood: one is little, whatever the others are
         return allowed.error * max(size, 1.0)
@@ -164,8 +161,12 @@ def _room(siblings: dict[str, Tree], key: str, allowed: Allowed) -> float:
     return max(allowed.value * size, allowed.of_standard_error * error)
 
 
-def _moved(path: str, old: Tree, new: Tree, room: float = 0.0) -> list[str]:
+def _moved(path: str, old: Tree, new: Tree, room: float) -> list[str]:
     said = [f"{path}: {old} -> {new}"]
+    if _are_texts(old) and _are_texts(new):
+        gone = [f"{path}: {name} -> nothing" for name in old if name not in new]
+        come = [f"{path}: nothing -> {name}" for name in new if name not in old]
+        return gone + come or said * (old != new)
     if not (_is_number(old) and _is_number(new)) or isinstance(old, list) != isinstance(new, list):
         return said if old != new or type(old) is not type(new) else []
     apart = hypot(old[0] - new[0], old[1] - new[1]) if isinstance(old, list) else abs(new - old)
@@ -174,37 +175,6 @@ def _moved(path: str, old: Tree, new: Tree, room: float = 0.0) -> list[str]:
     return said if apart > max(room, SMALLEST) else []
 
 
-def is_empty(tree: Tree) -> bool:
-    """True of a tree without any number, text or truth: a pin of nothing would never fail."""
-    if isinstance(tree, dict):
-        return all(is_empty(value) for key, value in tree.items() if key != "renewed")
-    if isinstance(tree, list):
-        return all(map(is_empty, tree))
-    return tree is None
-
-
-def read(file: Path) -> dict[str, Tree]:
-    return dict(json.loads(file.read_text(encoding="utf-8")))
-
-
-def numbers_file(module: str) -> Path:
-    return Path(module).with_suffix(".json")
-
-
-def renew(pins: Mapping[str, Pin], module: str, about: str | None) -> None:
-    """Compute pins anew and write why; pins that are new need no reason beside them."""
-    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--renew", metavar="REASON", required=True, help="why these numbers may change")
-    parser.add_argument("ids", nargs="+", choices=tuple(pins), metavar="id")
-    arguments = parser.parse_args()
-    file = numbers_file(module)
-    known = read(file) if file.exists() else {}
-    for key in arguments.ids:
-        reason = {"renewed": arguments.renew} if key in known else {}
-        known[key] = {**pins[key].numbers(), **reason}
-    lines = [
-        f"{json.dumps(key)}: {json.dumps(known[key], allow_nan=False, separators=(',', ':'))}"
-        for key in pins
-        if key in known
-    ]
-    file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+def stored(table: str) -> dict[str, Tree]:
+    """Read the numbers of a table."""
+    return dict(json.loads(Path(__file__).with_name(f"{table}.json").read_text(encoding="utf-8")))

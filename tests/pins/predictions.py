@@ -7,7 +7,7 @@ import numpy as np
 import rsgen
 from rsgen.identification.prediction import HeldOutLevel, ResonanceCurve
 from tests.identification.test_across import ELEMENTS, GAUGE, seen_by, two_masses
-from tests.pins import pinned, trees
+from tests.pins import trees
 from tests.pins.controls import LAW, simulated
 from tests.pins.grids import NOISE, small
 from tests.pins.pinned import SWITCHED, Pin, Tree
@@ -90,6 +90,3 @@ PINS = {
     "identified/two-sensors": Pin(lambda: of_test(two_masses(noise=0.003), seen_by(GAUGE, *ELEMENTS), 3.0)),
     "modal-table": Pin(_modal),
 }
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)

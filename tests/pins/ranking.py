@@ -14,7 +14,7 @@ from tests.conftest import FEW
 from tests.identification.test_across import ELEMENTS
 from tests.identification.test_across import two_masses as across
 from tests.oracles.memory import two_masses
-from tests.pins import pinned, trees
+from tests.pins import trees
 from tests.pins.grids import FREQUENCIES, LEVELS, NOISE, small, small_joint
 from tests.pins.multisine import virtual
 from tests.pins.pinned import SMOOTH, SWITCHED, Pin, Tree
@@ -117,6 +117,3 @@ PINS = {
         lambda: ranked(changed(across(noise=0.01), across=None), FORMULAS), UNFIT
     ),
 }
-
-if __name__ == "__main__":
-    pinned.renew(PINS, __file__, __doc__)
