@@ -1,9 +1,11 @@
 """All attacks, at the counts of the table or at those given: ``reports/attacks.md``.
 
 ``python -m tests.attacks`` runs everything, which takes hours; ``python -m tests.attacks kills=100 cases=20``
-runs those modules, and leaves the other rows of the table as they are.
+runs those modules, and leaves the other rows of the table as they are; ``python -m tests.attacks cases --only
+7`` repeats one attack, which is the same everywhere.
 """
 
+import argparse
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -45,18 +47,16 @@ def section(module: str, rows: Sequence[Mapping[str, str]], seed: int, minutes: 
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run the modules that are named, ``module`` or ``module=count``; all without names."""
-    wanted = dict(COUNTS)
-    if argv:
-        named = dict(word.partition("=")[::2] for word in argv)
-        if unknown := ", ".join(sorted(named.keys() - COUNTS.keys())):
-            print(f"{unknown}: no such attack; allowed: {', '.join(COUNTS)}", file=sys.stderr)
-            return 2
-        wanted = {module: int(named[module] or COUNTS[module]) for module in named}
-    code = 0
-    for module, count in wanted.items():
-        started = time.monotonic()
-        rows = import_module(f"tests.attacks.{module}").run(count, seed=1)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("modules", nargs="*", default=list(COUNTS), metavar="MODULE[=COUNT]")
+    parser.add_argument("--only", type=int, metavar="NUMBER")
+    chosen, code = parser.parse_args(argv), 0
+    for module, _, count in (word.partition("=") for word in chosen.modules):
+        attacks, started = import_module(f"tests.attacks.{module}"), time.monotonic()
+        if chosen.only is not None:
+            print(attacks.attack(chosen.only, seed=1))
+            continue
+        rows = attacks.run(int(count or COUNTS[module]), seed=1)
         text = section(module, rows, seed=1, minutes=(time.monotonic() - started) / 60)
         code |= print_rows(rows)
         # each at once: an attack that ends the machine leaves what was known before

@@ -1,7 +1,4 @@
-"""Attacks on case files: tampered ones of every kind, each loaded in a child process.
-
-``python -m tests.attacks cases=10000``; ``python -m tests.attacks.cases --only NUMBER`` repeats one.
-"""
+"""Attacks on case files: tampered ones of every kind, each loaded in a child process."""
 
 import shutil
 from collections.abc import Callable
@@ -12,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from rsgen import load_case
-from tests.attacks.child import Outcome, attacked, command, judged, measured, said_of
+from tests.attacks.child import Outcome, attacked, judged, measured, said_of
 from tests.attacks.damage import DAMAGE
 from tests.attacks.texts import pick
 
@@ -83,7 +80,3 @@ def attack(number: int, seed: int) -> Outcome:
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
     return [attacked("cases", count, seed, "tampered case files: crashes, over 10 s, over 1 GB")[0]]
-
-
-if __name__ == "__main__":
-    command(attack)

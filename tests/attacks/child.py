@@ -1,6 +1,5 @@
 """Attempts in a child process: what each came to, its processor time and its peak memory."""
 
-import argparse
 import gc
 import multiprocessing
 import os
@@ -11,10 +10,10 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from rsgen.common.errors import RsgenError
@@ -83,56 +82,33 @@ def measured(number: int, name: str, attempt: Callable[[], str]) -> Outcome:
     return Outcome(number, name, said, round(worked, 3), round(taken, 1))
 
 
-def _serve(module: str, seed: int, pipe: Connection) -> None:
+def _begin(module: str) -> None:
+    """Make this child a group of its own, which prints for nobody."""
     os.setsid()
-    # what the attempts print is for nobody
-    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
-        os.dup2(nowhere.fileno(), 1)
-    attack = import_module(f"tests.attacks.{module}").attack
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    import_module(f"tests.attacks.{module}")
     # what is loaded now stays: the collection before each attempt need not look at it
     gc.freeze()
-    while True:
-        pipe.send(attack(pipe.recv(), seed))
-
-
-@contextmanager
-def _child(module: str, seed: int) -> Iterator[Callable[[int], Outcome]]:
-    """Begin a child, which answers numbers with outcomes; end it, and the processes that it began."""
-    context = multiprocessing.get_context("spawn")
-    pipe, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(module, seed, theirs))
-    process.start()
-    theirs.close()
-
-    def ask(number: int) -> Outcome:
-        try:
-            pipe.send(number)
-            if not pipe.poll(WALL_SECONDS):
-                return Outcome(number, "", f"hang: no answer after {WALL_SECONDS:g} s", WALL_SECONDS)
-            return pipe.recv()
-        except (EOFError, OSError):
-            process.join()
-            return Outcome(number, "", f"crash of the process: code {process.exitcode}")
-
-    try:
-        yield ask
-    finally:
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.kill()
-        process.join()
-        pipe.close()
 
 
 def attempts(module: str, seed: int, count: int) -> Iterator[Outcome]:
-    done = 0
+    """Make each attempt in a child; one that hangs or ends is replaced, with the processes that it began."""
+    attack, done = import_module(f"tests.attacks.{module}").attack, 0
     while done < count:
-        with _child(module, seed) as ask:
-            for number in range(done, min(count, done + RENEWED)):
-                done, outcome = number + 1, ask(number)
-                yield outcome
-                if not outcome.name:
-                    break
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(1, mp_context=context, initializer=_begin, initargs=(module,)) as pool:
+            group = pool.submit(os.getpid).result()
+            try:
+                for number in range(done, min(count, done + RENEWED)):
+                    done = number + 1
+                    yield pool.submit(attack, number, seed).result(WALL_SECONDS)
+            except TimeoutError:
+                yield Outcome(number, "", f"hang: no answer after {WALL_SECONDS:g} s", WALL_SECONDS)
+            except BrokenExecutor:
+                yield Outcome(number, "", "crash of the process")
+            finally:
+                with suppress(ProcessLookupError, PermissionError):
+                    os.killpg(group, signal.SIGKILL)
 
 
 def allowed(seconds: float) -> float:
@@ -171,11 +147,3 @@ def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Ou
     text = f"({found['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)"
     measured = f"{', '.join(str(found[name]) for name in kinds)} {text}"
     return {"figure": f"{count} {figure}", "asked": ", ".join("0" * len(kinds)), "measured": measured}, found
-
-
-def command(attack, content=lambda number, seed: "") -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", type=int, required=True)
-    chosen = parser.parse_args()
-    print(content(chosen.only, chosen.seed), attack(chosen.only, chosen.seed))

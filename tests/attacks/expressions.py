@@ -1,7 +1,4 @@
-"""Attacks on the reading of texts: random and pathological laws, each derived in a child process.
-
-``python -m tests.attacks.expressions --only NUMBER`` repeats one: with the seed it is the same everywhere.
-"""
+"""Attacks on the reading of texts: random and pathological laws, each derived in a child process."""
 
 from collections.abc import Sequence
 
@@ -10,7 +7,7 @@ import numpy as np
 from rsgen import make_element
 from rsgen.app.cli.derive_command import derive_command, read_memory
 from rsgen.formula.unit_deduction import parameter_units
-from tests.attacks.child import Outcome, attacked, command, judged, measured, said_of
+from tests.attacks.child import Outcome, attacked, judged, measured, said_of
 from tests.attacks.texts import TEXTS, grown, pick
 
 SECONDS = 5.0  # work allowed until a text has its answer, on the machine of ``allowed``
@@ -46,14 +43,9 @@ def answer(text: str, memory: Sequence[str] = ()) -> str:
 
 def attack(number: int, seed: int) -> Outcome:
     name, text, memory = law_of(number, seed)
-    # words and JSON in turn: what both share takes nearly all of the time
-    outcome = measured(number, name, lambda: answer(text, memory))
+    outcome = measured(number, f"{name}: {text[:2000]!a}", lambda: answer(text, memory))
     return judged(outcome, SECONDS, MEGABYTES)
 
 
 def run(count: int, seed: int) -> list[dict[str, str]]:
     return [attacked("expressions", count, seed, "random texts derived: crashes, over 5 s, over 1 GB")[0]]
-
-
-if __name__ == "__main__":
-    command(attack, law_of)

@@ -1,7 +1,4 @@
-"""Runs, or a worker of one, ended at random moments: what they leave, and what the next run makes of it.
-
-``python -m tests.attacks kills=300``
-"""
+"""Runs, or a worker of one, ended at random moments: what they leave, and what the next run makes of it."""
 
 import os
 import random

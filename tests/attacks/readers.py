@@ -1,7 +1,4 @@
-"""Attacks on the readers: tampered data and surface files of every format, each read in a child process.
-
-``python -m tests.attacks.readers --only NUMBER`` repeats one: with the seed it is the same file everywhere.
-"""
+"""Attacks on the readers: tampered data and surface files of every format, each read in a child process."""
 
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -15,7 +12,7 @@ from rsgen import load_surface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import propose
-from tests.attacks.child import Outcome, attacked, command, judged, kind_of, measured, said_of
+from tests.attacks.child import Outcome, attacked, judged, kind_of, measured, said_of
 from tests.attacks.damage import CHECKED, DAMAGE
 from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
 from tests.attacks.texts import pick
@@ -106,7 +103,3 @@ def run(count: int, seed: int) -> list[dict[str, str]]:
     row, found = attacked("readers", count, seed, figure, _kind)
     unsaid = "other numbers after damage in a part that the format checks, unsaid"
     return [row, {"figure": unsaid, "asked": "0", "measured": str(found["unsaid"])}]
-
-
-if __name__ == "__main__":
-    command(attack)

@@ -1,6 +1,6 @@
 """A run where something around it is missing, full, closed, too long or forbidden.
 
-``python -m tests.attacks surroundings``. Each attack is a line of the shell, in a folder with three cases. It
+Each attack is a line of the shell, in a folder with three cases. It
 must end with a result that verifies, or with code 2 and a sentence a fault; never with a traceback, a hang or
 half a result. What needs a file system of its own is tried in a mount namespace, where the system allows one.
 """
@@ -16,6 +16,7 @@ from pathlib import Path
 
 from tests.attacks import program
 from tests.attacks.program import Ended, Row, end, environment, start, temporary, write_case
+from tests.programs import RSGEN
 
 DONE, REFUSED = (0,), (2,)
 EITHER = DONE + REFUSED
@@ -152,7 +153,7 @@ def attack(place: Path, line: Line) -> str:
     for name in ("small", "two", "three"):
         write_case(place, name)
     changes = {key: value and value.format(place=place) for key, value in line.changes.items()}
-    begin = f'rsgen() {{ {shlex.join(program.COMMAND)} "$@"; }}\n'
+    begin = f'rsgen() {{ {shlex.join(RSGEN)} "$@"; }}\n'
     text = line.text.replace("{place}", str(place))
     command = ["bash", "-c", begin + text]
     if line.mounts:

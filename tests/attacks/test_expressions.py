@@ -1,4 +1,4 @@
-"""Texts that are hard to work out are answered soon; ``python -m tests.attacks.expressions`` tries many."""
+"""Texts that are hard to work out are answered soon; ``python -m tests.attacks expressions`` tries many."""
 
 import time
 

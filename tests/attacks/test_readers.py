@@ -1,4 +1,4 @@
-"""A few attacks of every kind on the readers; ``python -m tests.attacks.readers`` makes thousands."""
+"""A few attacks of every kind on the readers; ``python -m tests.attacks readers`` makes thousands."""
 
 import struct
 import time
