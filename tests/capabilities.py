@@ -18,9 +18,8 @@ import rsgen as rs
 from rsgen.app.cli import main
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
-from tests.case_files import GONE, SMALL, changed, law
-from tests.surfaces import changed as replaced
-from tests.surfaces import without_phase
+from tests.case_files import Changes, law, write_small
+from tests.surfaces import changed, without_phase
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUTH = {"k": 5920.0, "k3": 3e5, "c": 6.0}
@@ -31,30 +30,27 @@ MAX_ERROR_HELD_OUT = 0.1
 
 Records = rs.ResponseSurface | MultisineSpectra
 
-_NOISE = "noise = { relative = 0.01, seed = 3 }"
-_STEPPED = 'kind = "simulated"\nfrequency = { start = 8, stop = 13, count = 31 }\n' + _NOISE
-_FORCES = 'level = { values = ["2 N", "5 N", "8 N", "12 N"] }'
-_SWEEP = f"""kind = "simulated-sweep"
-{_FORCES}
-band = ["8 Hz", "13 Hz"]
-duration = "60 s"
-rate = "200 Hz"
-{_NOISE}"""
-_DECAY = f"""kind = "simulated-decay"
-level = {{ values = ["20 mm", "40 mm"] }}
-duration = "20 s"
-rate = "400 Hz"
-{_NOISE.replace("0.01", "0.003")}"""
-_MULTISINE = f"""kind = "simulated-multisine"
-level = {{ values = ["3 N", "5 N", "8 N"] }}
-band = ["2.5 Hz", "20 Hz"]
-period = "4 s"
-{_NOISE}"""
+_NOISE = {"noise": {"relative": 0.01, "seed": 3}}
+_STEPPED = {"kind": "simulated", "frequency": {"start": 8, "stop": 13, "count": 31}, **_NOISE}
+_FORCES = {"level": {"values": ["2 N", "5 N", "8 N", "12 N"]}}
+_FORCED = _STEPPED | _FORCES
+_SWEEP = {
+    "kind": "simulated-sweep", "band": ["8 Hz", "13 Hz"], "duration": "60 s", "rate": "200 Hz",
+    **_FORCES, **_NOISE,
+}  # fmt: skip
+_DECAY = {
+    "kind": "simulated-decay", "level": {"values": ["20 mm", "40 mm"]}, "duration": "20 s",
+    "rate": "400 Hz", "noise": {"relative": 0.003, "seed": 3},
+}  # fmt: skip
+_MULTISINE = {
+    "kind": "simulated-multisine", "level": {"values": ["3 N", "5 N", "8 N"]}, "band": ["2.5 Hz", "20 Hz"],
+    "period": "4 s", **_NOISE,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Row:
-    test: str  # the table [test] of its case file
+    test: Changes  # the table [test] of its case file
     known: Mapping[str, Any] = field(default_factory=dict)  # keyword arguments of ``identify``
     change: Callable[[Any], Records] = lambda records: records  # what is done to the virtual records
     law: Any = LAW  # one formula, or elements
@@ -63,17 +59,14 @@ class Row:
     refused: Mapping[str, str] = field(default_factory=dict)  # columns with a no, each with its reason
     damping: float = TRUTH["c"]  # true value of c: a decay needs some hundred periods
 
-    @property
-    def case(self) -> str:
-        known = law(LAW, **TRUTH | {"c": self.damping}) | {"test": GONE}
-        return f"{changed(SMALL, known)}[test]\n{self.test}\n"
+    def write(self, folder: str) -> Path:
+        truth = TRUTH | {"c": self.damping}
+        return write_small(Path(folder), changes=law(LAW, **truth) | {"test": self.test})
 
     @functools.cached_property
     def records(self) -> Records:
         with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "case.toml"
-            path.write_text(self.case)
-            case = rs.load_case(path)
+            case = rs.load_case(self.write(folder))
         assert case.oscillator is not None
         return self.change(rs.simulate(case.oscillator, case.test))
 
@@ -128,10 +121,8 @@ def _notebook(row: Row) -> None:
     if row.law is not LAW:
         rs.simulate(rs.Oscillator(MASS, row.law, dict(row.values)), rs.SimulatedTest([1], [10]))
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "case.toml"
-        path.write_text(row.case)
         with pytest.raises(SystemExit, match="0"):
-            main(["run", str(path), "--out", f"{folder}/reports"])
+            main(["run", str(row.write(folder)), "--out", f"{folder}/reports"])
         assert list(Path(folder).rglob("notebook.ipynb"))
 
 
@@ -155,21 +146,21 @@ REASONS = (NO_FORCE, NOT_DETERMINED, BETWEEN)
 
 _BACKGROUNDS = tuple(f"background: {kind}" for kind in (*BACKGROUNDS[2:], "constant" + OFFSET))
 EXCITATIONS = {
-    "stepped sine, force": Row(f"{_FORCES}\n{_STEPPED}"),
+    "stepped sine, force": Row(_FORCED),
     "stepped sine, response": Row(
-        f'control = "response"\nlevel = {{ start = "10 mm", stop = "40 mm", count = 4 }}\n{_STEPPED}'
+        _STEPPED | {"control": "response", "level": {"start": "10 mm", "stop": "40 mm", "count": 4}}
     ),
     "stepped sine, phase (three lags)": Row(
-        f'control = "phase"\nphase = {{ lags = ["60 deg", "90 deg", "120 deg"] }}\n{_FORCES}\n{_STEPPED}'
+        _FORCED | {"control": "phase", "phase": {"lags": ["60 deg", "90 deg", "120 deg"]}}
     ),
     "stepped sine, phase resonance alone": Row(
-        f'control = "phase"\nlevel = {{ start = 1, stop = 12, count = 24 }}\n{_STEPPED}', {"mass": MASS},
+        _STEPPED | {"control": "phase", "level": {"start": 1, "stop": 12, "count": 24}}, {"mass": MASS},
         refused=dict.fromkeys(_BACKGROUNDS, NOT_DETERMINED),
     ),
-    "continuation": Row(
-        'control = "continuation"\nlevel = { start = "3 mm", stop = "60 mm", count = 24 }\n'
-        + _STEPPED.replace("count = 31", "count = 6")
-    ),
+    "continuation": Row(_STEPPED | {
+        "control": "continuation", "level": {"start": "3 mm", "stop": "60 mm", "count": 24},
+        "frequency": {"start": 8, "stop": 13, "count": 6},
+    }),
     "swept sine": Row(_SWEEP),
     "free decay": Row(
         _DECAY, {"mass": MASS}, values={**TRUTH, "c": 1.0},
@@ -191,7 +182,7 @@ def _joined(table: rs.ResponseSurface) -> rs.ResponseSurface:
     noise = np.random.default_rng(4).normal(size=(count, order, 2)) @ [1, 1j] * 0.01 / np.sqrt(2)
     noise[:, 0] = noise[:, 0].real
     across = across + noise * np.abs(across[:, 1:2])
-    return replaced(table, force=force[:, 1], force_harmonics=force, across=across)
+    return changed(table, force=force[:, 1], force_harmonics=force, across=across)
 
 
 def _distorted(table: rs.ResponseSurface) -> rs.ResponseSurface:
@@ -210,16 +201,17 @@ _PER_MASS = {name: value / MASS for name, value in TRUTH.items()}
 
 MODIFIERS = {
     "driven base": Row(
-        f'base.quantity = "acceleration"\n{_FORCES.replace(" N", " m/s^2")}\n{_STEPPED}', values=_PER_MASS
+        _STEPPED | {"base": {"quantity": "acceleration"}, "level": {"values": [2, 5, 8, 12]}},
+        values=_PER_MASS,
     ),
     "two sensors": Row(
-        f"{_FORCES}\n{_STEPPED}", change=_joined, law=_JOINED, values={**TRUTH, "kj": JOINT},
+        _FORCED, change=_joined, law=_JOINED, values={**TRUTH, "kj": JOINT},
         rivals=[_JOINED, *([_JOINED[0], rs.make_element("joint", law, across="gauge")] for law in JOINTS)],
         refused=dict.fromkeys(("predict", "virtual test, notebook"), BETWEEN),
     ),
-    "no phase": Row(f"{_FORCES}\n{_STEPPED}", change=without_phase),
-    "given mass": Row(f"{_FORCES}\n{_STEPPED}", {"mass": MASS}),
-    "harmonics of the force": Row(f"{_FORCES}\n{_STEPPED}", change=_distorted),
+    "no phase": Row(_FORCED, change=without_phase),
+    "given mass": Row(_FORCED, {"mass": MASS}),
+    "harmonics of the force": Row(_FORCED, change=_distorted),
 }  # fmt: skip
 
 

@@ -1,7 +1,6 @@
 """The cache of machine code: used again, compiled anew after damage, never loaded from where others write."""
 
 import os
-import socket
 import stat
 import subprocess
 import sys
@@ -51,17 +50,6 @@ def _flip(entry: Path, place: int) -> None:
     entry.write_bytes(content)
 
 
-def _socket(path: Path) -> None:
-    with socket.socket(socket.AF_UNIX) as opened:
-        before = Path.cwd()
-        # the name of a socket has a hundred characters at most
-        os.chdir(path.parent)
-        try:
-            opened.bind(path.name)
-        finally:
-            os.chdir(before)
-
-
 DAMAGES: dict[str, Callable[[Path], object]] = {
     "digest": lambda entry: _flip(entry, 0), "symbol": lambda entry: _flip(entry, 40),
     "code": lambda entry: _flip(entry, -2000), "end": lambda entry: _flip(entry, -1),
@@ -69,7 +57,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
     "longer": lambda entry: entry.write_bytes(entry.read_bytes() + b"more"),
     "empty": lambda entry: entry.write_bytes(b""), "missing": Path.unlink,
     "huge": lambda entry: os.truncate(entry, 10**12), "writable by others": lambda entry: entry.chmod(0o666),
-    "pipe": _replaced(os.mkfifo), "folder": _replaced(Path.mkdir), "socket": _replaced(_socket),
+    "pipe": _replaced(os.mkfifo), "folder": _replaced(Path.mkdir),
     "link to itself": _replaced(lambda path: path.symlink_to(path)),
     "link to a device": _replaced(lambda path: path.symlink_to("/dev/zero")),
     "link to the right code": lambda entry: (

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -311,15 +312,9 @@ def answers(monkeypatch):
     """Let pools be given ones: answers, or why it cannot be begun; give what three calls came to."""
 
     def run(number: int, *pools: Sequence[object] | Exception) -> list[object]:
-        given = iter(pools)
-
-        def begin(*args: object, **keys: object) -> Pool:
-            pool = next(given)
-            if isinstance(pool, Exception):
-                raise pool
-            return Pool(pool)
-
-        monkeypatch.setattr("rsgen.app.study.many_cases.ProcessPoolExecutor", begin)
+        begun = [pool if isinstance(pool, Exception) else Pool(pool) for pool in pools]
+        executor = "rsgen.app.study.many_cases.ProcessPoolExecutor"
+        monkeypatch.setattr(executor, Mock(side_effect=begun))
         with local_workers(number) as submit:
             futures = [submit(str, call) for call in range(3)]
             return [future.exception(5) or future.result(5) for future in futures]
