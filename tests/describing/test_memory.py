@@ -1,4 +1,4 @@
-"""Describing functions of laws with memory: against loops stepped through time, and closed solutions."""
+"""Describing functions of laws with memory: against quadratures, stepped states, and closed solutions."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ OMEGA = 2.3
     ("Fs*(1 - exp(-kt*x/Fs))", {"kt": 3.0, "Fs": 1.5}, False), ("F*sin(a*x)", {"F": 2.0, "a": 0.5}, False),
     ("Piecewise((K*x - R*x**1.5, x < b), (K*b - R*b**1.5, True))", {"K": 3.0, "R": 1.0, "b": 0.8}, True),
 ])  # fmt: skip
-def test_masing_laws_against_a_loop_stepped_through_time(virgin, values, closed):
+def test_masing_laws_against_a_quadrature_over_half_a_loop(virgin, values, closed):
     derived = derive(f"masing({virgin})")
     assert derived.closed_form is closed
     assert (derived.checked_to or 0.0) <= 1e-12

@@ -16,6 +16,7 @@ from tests.pins import trees
 from tests.pins.grids import NOISE, small
 from tests.pins.pinned import SMOOTH, SWITCHED, Allowed, Pin, Tree
 from tests.surfaces import LAWS, MASS, changed, noisy
+from tests.virtual import fundamentals
 
 KINDS = (*BACKGROUNDS, *(f"{kind}{OFFSET}" for kind in BACKGROUNDS if kind != "none"))
 
@@ -91,12 +92,6 @@ def _across(table: ResponseSurface, *about: rsgen.Observation) -> Tree:
     return trees.fitted(table, seen_by(GAUGE, *ELEMENTS), *about)
 
 
-def _fundamental_only() -> Tree:
-    table = small("cubic", NOISE)
-    fundamental = table.harmonics[:, 1]
-    return of("cubic", ResponseSurface(table.level, table.frequency, table.force, fundamental, sweep="rest"))
-
-
 FLAT = replace(SMOOTH, of_standard_error=1e-4, error=1e-3)
 """Where no point tells one parameter of a law from another, a test moved by 1e-15 moves what the paper's
 method says of them by 3e-6 of its standard error."""
@@ -126,7 +121,10 @@ PINS = {
     "amplitudes/coulomb": Pin(lambda: without_phase("coulomb"), SWITCHED),
     "readings/repeats": Pin(lambda: of("cubic", repeated(small("cubic"), 3))),
     "readings/repeats-coulomb": Pin(lambda: of("coulomb", repeated(small("coulomb"), 3)), SWITCHED),
-    "readings/unsettled": Pin(_unsettled), "readings/fundamental-only": Pin(_fundamental_only),
+    "readings/unsettled": Pin(_unsettled),
+    "readings/fundamental-only": Pin(
+        lambda: of("cubic", fundamentals(small("cubic", NOISE), sweep="rest"))
+    ),
     "readings/force-harmonics": Pin(_force_harmonics),
     "declared/hold-out": Pin(lambda: of("cubic", small("cubic", NOISE), hold_out=(6.0,))),
     "declared/band": Pin(lambda: of("cubic", small("cubic", NOISE), band=(9.0, 11.0))),
