@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.integrate import quad, solve_ivp
+from scipy.optimize import newton
 
 
 def equivalent(n: Callable, X: float, omega: float) -> tuple[float, float]:
@@ -29,14 +30,5 @@ def odd_loop(rate: Callable, force: Callable, X: float, omega: float) -> tuple[f
         span, limits = (-np.pi / 2, np.pi / 2), {"rtol": 1e-11, "atol": 1e-14 * size, "max_step": 0.05}
         return solve_ivp(along, span, [z, 0.0, 0.0], "LSODA", **limits).y[:, -1]
 
-    z, step = 0.0, 1e-3 * size
-    lack = turned(z)[0] + z
-    # the secant method; what is smaller than the error of the stepping does not move it any more
-    for _ in range(40):
-        if abs(step) <= 1e-11 * size:
-            break
-        before, z = lack, z + step
-        lack = turned(z)[0] + z
-        step *= -lack / (lack - before) if lack != before else 0.0
-    _, sine, cosine = turned(z)
+    _, sine, cosine = turned(newton(lambda z: turned(z)[0] + z, 0.0, x1=1e-3 * size, tol=1e-11 * size))
     return 2 * sine / (np.pi * X), 2 * cosine / (np.pi * omega * X)

@@ -135,7 +135,10 @@ REPORTS: dict[str, Callable[[], Parts]] = {
 }  # fmt: skip
 
 PINS = {
-    "all": Pin(lambda: {part: sorted(getattr(rsgen, part).__all__) for part in ("figures", "history")}),
+    "all": Pin(lambda: {
+        name: sorted(part.__all__)
+        for name, part in {"rsgen": rsgen, "figures": rsgen.figures, "history": rsgen.history}.items()
+    }),
     **{f"attributes/{kind.__name__}": Pin(partial(attributes, kind)) for kind in CLASSES},
     "surface.h5": Pin(lambda: surface_names(small("cubic"))),
     "surface.h5/across": Pin(lambda: surface_names(two_masses())),

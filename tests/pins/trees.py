@@ -78,21 +78,16 @@ def surface(table: rsgen.ResponseSurface) -> Tree:
     return given
 
 
-def estimate(one: Estimate, *, whole: bool = False) -> Tree:
-    return {
-        "value": one.value,
-        "standard_error": one.standard_error,
-        **(dict(zip(("lower", "upper", "unit"), (*one.interval, one.unit), strict=True)) if whole else {}),
-        **({} if one.finding is None else {"finding": one.finding.code}),
-    }
-
-
 def plain_estimates(several: Iterable[Estimate]) -> Tree:
-    return {one.name: {"value": one.value, "standard_error": one.standard_error} for one in several}
+    return {one.name: parts(one, "value standard_error") for one in several}
 
 
 def estimates(several: Iterable[Estimate], *, whole: bool = False) -> Tree:
-    return {one.name: estimate(one, whole=whole) for one in several}
+    found = plain_estimates(several := list(several))
+    for one in several:
+        ends = {"lower": one.interval[0], "upper": one.interval[1], "unit": one.unit} if whole else {}
+        found[one.name] |= ends | ({"finding": one.finding.code} if one.finding else {})
+    return found
 
 
 def background(found: Background | None) -> Tree:
