@@ -10,19 +10,10 @@ from matplotlib.figure import Figure
 import rsgen as rs
 from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
+from tests.virtual import fundamentals, simulated
 
 LAW = "k*x + c*v"
 TRUE = {"k": 5000.0, "c": 4.0}
-
-
-def linear_surface(**changed):
-    """The exact response of 1.2 kg on a linear spring and damper at two levels."""
-    level, frequency = (a.ravel() for a in np.meshgrid([1.0, 2.0], np.linspace(8, 13, 21), indexing="ij"))
-    omega = 2 * np.pi * frequency
-    response = level / (TRUE["k"] - 1.2 * omega**2 + 1j * omega * TRUE["c"])
-    return rs.ResponseSurface(
-        **{"level": level, "frequency": frequency, "force": level} | {"response": response} | changed
-    )
 
 
 JENKINS = "k*x + c*v + masing(Min(kt*x, Fs))"
@@ -35,7 +26,7 @@ FIVE = rs.Observation(hold_out=(5.0,))
 
 @pytest.fixture(scope="module")
 def surface():
-    return linear_surface()
+    return fundamentals(simulated(LAW, TRUE, [1.0, 2.0], (8, 13, 21), 1.2, method="harmonic-balance"))
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +46,7 @@ def parts_of(name, thing, depth=4):
             yield from parts_of(f"{name}.{key}", value, depth - 1)
 
 
-def test_every_result_prints_in_few_lines():
-    surface = linear_surface()
+def test_every_result_prints_in_few_lines(surface):
     held = rs.identify(surface, f"{LAW} + k3*x**3", rs.Observation(hold_out=2.0))
     made = {
         "found": held, "surface": surface, "prediction": rs.predict(held, [1.0], surface),
@@ -119,7 +109,7 @@ def each(call, *rows):
     (lambda s, f: rs.predict(f.oscillator, 1.0)[3.0], "level '3': there is none; there are 1"),
     (lambda s, f: rs.modal_table(s.select(s.frequency < 9)), "points lie within 45 degrees of resonance"),
     (lambda s, f: rs.modal_table(s, "k*x"), "about"),
-    (lambda s, f: rs.modal_table(linear_surface(response=-s.harmonics[:, 1])), "feed the exciter"),
+    (lambda s, f: rs.modal_table(fundamentals(s, -s.harmonics[:, 1])), "feed the exciter"),
     (lambda s, f: rs.modal_table(s).at([1e-3, -1.0]), "positive and finite"),
     (lambda s, f: rs.compare_fits([f, f, f], ["a", "b"]), "names: 2 of 3 fits"),
     (lambda s, f: rs.compare(f, TRUE, {"k9": 1e-3}), "k9: not identified; allowed are c, k, m"),
@@ -206,7 +196,7 @@ def test_a_misfit_of_the_law_is_not_printed_as_noise(surface, found):
     stiffness = TRUE["k"] * (1 + 0.05 * surface.level)
     omega = 2 * np.pi * surface.frequency
     stiffer = surface.level / (stiffness - 1.2 * omega**2 + 1j * omega * TRUE["c"])
-    wrong = str(rs.identify(linear_surface(response=stiffer), LAW))
+    wrong = str(rs.identify(fundamentals(surface, stiffer), LAW))
     assert "systematic, not noise" in wrong
     assert "noise 1" not in wrong
     assert ", misfit 1" in wrong
@@ -216,5 +206,5 @@ def test_a_misfit_of_the_law_is_not_printed_as_noise(surface, found):
 def test_a_result_is_an_oscillator_and_prints_sentences(found, surface):
     again = rs.simulate(found.oscillator, rs.SimulatedTest([1.0, 2.0], np.linspace(8, 13, 21)))
     assert np.allclose(again.amplitude, surface.amplitude, rtol=1e-4)
-    wrong = rs.identify(linear_surface(response=-surface.harmonics[:, 1]), LAW)
+    wrong = rs.identify(fundamentals(surface, -surface.harmonics[:, 1]), LAW)
     assert "error: the structure would feed energy into the exciter" in str(wrong)

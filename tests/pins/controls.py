@@ -33,7 +33,10 @@ MODES: dict[str, dict[str, Any]] = {
     **{f"base-{base}": {"base": base, "level": level} for base, level in BASE_LEVELS.items()},
     "base-harmonic-balance": {"base": "velocity", "level": [6e-3, 2e-2], "method": "harmonic-balance"},
 }  # fmt: skip
-SWITCHED_MODES = ("rest", "up", "response", "phase", "harmonic-balance")
+SWITCHED_TESTS = (
+    "rest-coulomb", "rest-bilinear", "up-coulomb", "response-coulomb", "response-bilinear", "phase-coulomb",
+    "harmonic-balance-coulomb",
+)  # fmt: skip
 
 
 @cache
@@ -44,6 +47,10 @@ def simulated(mode: str, law: str = "hardening") -> ResponseSurface:
     usual: dict[str, Any] = {"level": LEVELS, "frequency": FREQUENCIES, "harmonics": 5, "accuracy": accuracy}
     test = rsgen.SimulatedTest(**usual | MODES[mode])
     return rsgen.simulate(rsgen.Oscillator(MASS, force, values), test)
+
+
+def recorded(mode: str, law: str = "hardening") -> Tree:
+    return trees.surface(simulated(mode, law))
 
 
 def identified(mode: str, mass: float | None = None, law: str = "hardening") -> Tree:
@@ -76,14 +83,8 @@ def modal(table: ResponseSurface, mass: float | None = None, **declared: Any) ->
 
 
 PINS = {
-    **{f"simulated/{mode}": Pin(lambda mode=mode: trees.surface(simulated(mode))) for mode in MODES},
-    **{
-        f"simulated/{mode}-{law}": Pin(
-            lambda mode=mode, law=law: trees.surface(simulated(mode, law)), SWITCHED
-        )
-        for mode in SWITCHED_MODES
-        for law in (("coulomb", "bilinear") if mode in ("rest", "response") else ("coulomb",))
-    },
+    **{f"simulated/{mode}": Pin(partial(recorded, mode)) for mode in MODES},
+    **{f"simulated/{one}": Pin(partial(recorded, *one.rsplit("-", 1)), SWITCHED) for one in SWITCHED_TESTS},
     **{
         f"identified/{mode}": Pin(partial(identified, mode))
         for mode in ("up", "down", "response", "continuation", "phase-lags")

@@ -136,7 +136,6 @@ FOREIGN: dict[str, tuple[Callable[[Path], object], str]] = {
         "result.json",
     ),
     "a changed file": (lambda place: (place / "report.html").write_text("my remarks"), "report.html"),
-    "a pipe": (lambda place: os.mkfifo(place / "pipe"), "pipe"),
     "a file in its place": (lambda place: (shutil.rmtree(place), place.write_text("mine")), "is no folder"),
     "a link in its place": (
         lambda place: (place.rename(place.parent / "mine"), place.symlink_to(place.parent / "mine")),
