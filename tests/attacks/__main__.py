@@ -8,12 +8,12 @@ runs those modules, and leaves the other rows of the table as they are; ``python
 import argparse
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
 from rsgen.common.output import write_atomic
-from tests.attacks.program import print_rows
+from tests.attacks.program import Row
 
 # the modules, in the order of the table, and how often each attack is made
 COUNTS = {
@@ -36,13 +36,14 @@ def sections(text: str) -> dict[str, str]:
     return {part.partition("\n")[0].split(":")[0]: part for part in text.split("\n## ")[1:]}
 
 
-def section(module: str, rows: Sequence[Mapping[str, str]], seed: int, minutes: float) -> str:
+def section(module: str, rows: Sequence[Row], seed: int, minutes: float) -> str:
     about = (import_module(f"tests.attacks.{module}").__doc__ or "").strip().splitlines()[0]
     text = f"{module}: {about[0].lower()}{about[1:]}\n\nSeed {seed}; {minutes:.1f} minutes.\n\n"
-    columns = ("figure", "asked", "measured")
-    for line in (columns, ("---",) * 3, *([row[name] for name in columns] for row in rows)):
-        cells = (cell.replace("|", "/").replace("\n", " ") for cell in line)
-        text += f"| {' | '.join(cells)} |\n"
+    text += "| figure | asked | measured |\n| --- | --- | --- |\n"
+    for figure, counts, more in rows:
+        asked, measured = (", ".join(map(str, numbers)) for numbers in ([0] * len(counts), counts))
+        said = f"{measured}{more}".replace("|", "/").replace("\n", " ")
+        text += f"| {figure} | {asked} | {said} |\n"
     return text
 
 
@@ -58,7 +59,9 @@ def main(argv: Sequence[str]) -> int:
             continue
         rows = attacks.run(int(count or COUNTS[module]), seed=1)
         text = section(module, rows, seed=1, minutes=(time.monotonic() - started) / 60)
-        code |= print_rows(rows)
+        for row in rows:
+            print(*row, flush=True)
+        code |= any(any(counts) for _, counts, _ in rows)
         # each at once: an attack that ends the machine leaves what was known before
         found = sections(TABLE.read_text(encoding="utf-8") if TABLE.exists() else "") | {module: text}
         ordered = [found[name].rstrip() for name in COUNTS if name in found]

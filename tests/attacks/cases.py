@@ -11,6 +11,7 @@ from numpy.random import Generator
 from rsgen import load_case
 from tests.attacks.child import Outcome, attacked, judged, measured, said_of
 from tests.attacks.damage import DAMAGE
+from tests.attacks.program import Row
 from tests.attacks.texts import pick
 
 SECONDS = 10.0
@@ -78,5 +79,5 @@ def attack(number: int, seed: int) -> Outcome:
     return judged(outcome, SECONDS, MEGABYTES)
 
 
-def run(count: int, seed: int) -> list[dict[str, str]]:
+def run(count: int, seed: int) -> list[Row]:
     return [attacked("cases", count, seed, "tampered case files: crashes, over 10 s, over 1 GB")[0]]

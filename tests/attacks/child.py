@@ -144,6 +144,5 @@ def attacked(module: str, count: int, seed: int, figure: str, kind: Callable[[Ou
         found[kind(outcome)] += 1
         slowest, largest = max(slowest, outcome.seconds), max(largest, outcome.megabytes)
     kinds = ["crash", "hang", *(["outside"] if "outside" in figure else []), "memory"]
-    text = f"({found['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)"
-    measured = f"{', '.join(str(found[name]) for name in kinds)} {text}"
-    return {"figure": f"{count} {figure}", "asked": ", ".join("0" * len(kinds)), "measured": measured}, found
+    text = f" ({found['refused']} refused, slowest {slowest:.1f} s, at most {largest:.0f} MB)"
+    return (f"{count} {figure}", [found[name] for name in kinds], text), found

@@ -8,6 +8,7 @@ from rsgen import make_element
 from rsgen.app.cli.derive_command import derive_command, read_memory
 from rsgen.formula.unit_deduction import parameter_units
 from tests.attacks.child import Outcome, attacked, judged, measured, said_of
+from tests.attacks.program import Row
 from tests.attacks.texts import TEXTS, grown, pick
 
 SECONDS = 5.0  # work allowed until a text has its answer, on the machine of ``allowed``
@@ -47,5 +48,5 @@ def attack(number: int, seed: int) -> Outcome:
     return judged(outcome, SECONDS, MEGABYTES)
 
 
-def run(count: int, seed: int) -> list[dict[str, str]]:
+def run(count: int, seed: int) -> list[Row]:
     return [attacked("expressions", count, seed, "random texts derived: crashes, over 5 s, over 1 GB")[0]]

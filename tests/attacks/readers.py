@@ -15,6 +15,7 @@ from rsgen.files.inspection.proposal import propose
 from tests.attacks.child import Outcome, attacked, judged, kind_of, measured, said_of
 from tests.attacks.damage import CHECKED, DAMAGE
 from tests.attacks.good_files import ENDINGS, good, history_plan, table_plan
+from tests.attacks.program import Row
 from tests.attacks.texts import pick
 from tests.attacks.traps import TRAPS
 from tests.attacks.traps_hdf5 import SECRET
@@ -98,8 +99,8 @@ def _kind(outcome: Outcome) -> str:
     return next((kind for words, kind in kinds.items() if words in outcome.said), kind_of(outcome))
 
 
-def run(count: int, seed: int) -> list[dict[str, str]]:
+def run(count: int, seed: int) -> list[Row]:
     figure = "tampered data and surface files: crashes, hangs, reads outside, over 1 GB"
     row, found = attacked("readers", count, seed, figure, _kind)
     unsaid = "other numbers after damage in a part that the format checks, unsaid"
-    return [row, {"figure": unsaid, "asked": "0", "measured": str(found["unsaid"])}]
+    return [row, (unsaid, [found["unsaid"]], "")]

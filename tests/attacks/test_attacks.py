@@ -6,7 +6,6 @@ from importlib import import_module
 import pytest
 
 from tests.attacks import __main__ as table
-from tests.attacks.program import reached
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals, limits and mounts are POSIX")
 FEW = {"kills": 12, "readers": 200, "expressions": 200, "cases": 400, "surroundings": 24}
@@ -16,4 +15,4 @@ FEW = {"kills": 12, "readers": 200, "expressions": 200, "cases": 400, "surroundi
 @pytest.mark.parametrize("module", table.COUNTS)
 def test_a_few_attacks_of_each_kind(module):
     rows = import_module(f"tests.attacks.{module}").run(FEW[module], seed=1)
-    assert [row for row in rows if not reached(row)] == []
+    assert [row for row in rows if any(row[1])] == []
