@@ -4,6 +4,7 @@ import io
 import json
 import os
 import signal
+import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,6 +94,12 @@ def run_cli(capsys):
 
     yield run
     signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture(scope="session")
+def dead():
+    """The number of a process that is over."""
+    return int(subprocess.check_output([sys.executable, "-c", "import os; print(os.getpid())"]))
 
 
 @pytest.fixture(scope="session")

@@ -2,14 +2,13 @@
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from rsgen.files import sandbox
 from tests.case_files import CUBIC, GONE, write_small
+from tests.programs import python
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -63,10 +62,7 @@ def run_elsewhere(program: str, folder: Path, libraries: tuple[str, ...] = LIBRA
     (folder / "elsewhere.py").write_text(script, encoding="utf-8")
     # otherwise the cache folder is one of this system
     environment = {**os.environ, "RSGEN_CACHE": str(folder / "cache")}
-    words = [sys.executable, "elsewhere.py"]
-    return subprocess.run(
-        words, cwd=folder, env=environment, capture_output=True, timeout=120, check=False, **options
-    )
+    return python("elsewhere.py", cwd=folder, env=environment, text=False, **options)
 
 
 @pytest.mark.thorough

@@ -52,8 +52,8 @@ def examine(scratch: Scratch, fault: Fault, blind: Collection[str]) -> Result:
     """Put a fault into the copy and run its tests; ``blind`` are tests that fail without any."""
     started = time.monotonic()
     try:
-        with scratch.with_fault(fault) as faulty:
-            ran = faulty.run(fault.caught)
+        with scratch.with_fault(fault):
+            ran = scratch.run(fault.caught)
         seen = tuple(test for test in fault.caught if fails(test, ran.failed) and not fails(test, blind))
         said = ran.broken
     except FaultError as stale:

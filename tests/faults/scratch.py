@@ -13,7 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
@@ -26,9 +26,6 @@ LIMIT = 60
 
 _PARTS = ("rsgen", "tests", "cases", "docs", "templates", "benchmarks", "reports")
 """Folders that tests read."""
-
-_COMPILE = ("compiled.py",)
-"""Files of the kernel behind its source: what they do to it is not in the names of compiled kernels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,21 +57,18 @@ class Scratch:
         return cls(root, folder / "caches", count(1))
 
     @contextmanager
-    def with_fault(self, fault: Fault) -> Iterator[Scratch]:
-        """Put a fault into the copy for a while; tests are run in what this gives.
+    def with_fault(self, fault: Fault) -> Iterator[None]:
+        """Put a fault into the copy for a while.
 
         Compiled kernels are stored by the hash of their source, which a fault in a law or a template changes.
-        A fault in how they are compiled or stored does not: then they are stored apart.
         """
         place = find_place(fault, self.root)
         file = self.root / place.file
-        apart = self.caches.with_name(f"caches-{next(self._number)}")
         try:
             self._write(file, place.replaced(fault))
-            yield replace(self, caches=apart) if file.name in _COMPILE else self
+            yield
         finally:
             self._write(file, place.text)
-            shutil.rmtree(apart, ignore_errors=True)
 
     def _write(self, file: Path, text: str) -> None:
         """Write a file so that nobody takes the compiled one of before: its time differs by seconds."""
@@ -82,7 +76,7 @@ class Scratch:
         time = 1_000_000_000 + 10 * next(self._number)
         os.utime(file, (time, time))
 
-    def run(self, tests: Sequence[str], *options: str) -> Ran:
+    def run(self, tests: Sequence[str]) -> Ran:
         self.caches.mkdir(mode=0o700, exist_ok=True)
         failed = self.root.with_name("failed.txt")
         failed.write_text("", encoding="utf-8")
@@ -90,7 +84,7 @@ class Scratch:
             "PYTHONPATH": str(self.root), "RSGEN_CACHE": str(self.caches), "RSGEN_FAULTS_FAILED": str(failed),
         }  # fmt: skip
         command = [sys.executable, "-m", "pytest", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider"]
-        command += ["-p", "tests.faults.scratch", *options, *tests]
+        command += ["-p", "tests.faults.scratch", *tests]
         done = subprocess.run(command, cwd=self.root, env=environment, capture_output=True, text=True)
         broken = "" if done.returncode in (0, 1, 5) else (done.stdout + done.stderr).strip()[-500:]
         return Ran(tuple(dict.fromkeys(failed.read_text(encoding="utf-8").splitlines())), broken)

@@ -2,9 +2,8 @@
 
 import os
 import stat
-import subprocess
-import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from unittest.mock import patch
 
@@ -14,6 +13,7 @@ import pytest
 from rsgen.dynamics import kernel as compiled
 from rsgen.dynamics.kernel_source import MemoryRows, generate
 from rsgen.formula.reading import parse
+from tests.programs import python
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="without owners of files there is no cache")
 
@@ -170,15 +170,13 @@ def test_parallel_processes_share_one_cache_and_later_ones_need_no_compiler(own_
         "from rsgen.dynamics.kernel import compile_kernel; "
         "print(compile_kernel(parse('c*v + k*x')).parameters, 'numba' in sys.modules)"
     )
-    words = [sys.executable, "-c", program]
-    running = [subprocess.Popen(words, stdout=subprocess.PIPE, text=True) for _ in range(2)]
-    said = [process.communicate()[0].strip() for process in running]
+    with ThreadPoolExecutor() as threads:
+        said = [done.stdout.strip() for done in threads.map(python, ["-c"] * 2, [program] * 2)]
     # the first compiles, the other may have come after it
     assert "('c', 'k') True" in said
     assert {text.rpartition(" ")[0] for text in said} == {"('c', 'k')"}
     assert entry_of(own_cache).is_file()
-    later = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert later.stdout.strip() == "('c', 'k') False"
+    assert python("-c", program).stdout.strip() == "('c', 'k') False"
 
 
 def test_a_cache_is_made_for_its_user_alone(own_cache):
@@ -193,10 +191,9 @@ def test_a_cache_is_made_for_its_user_alone(own_cache):
     assert stat.S_IMODE((own_cache / "one").stat().st_mode) == 0o600
 
 
-def test_what_killed_writers_left_is_removed(own_cache):
-    gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True)
+def test_what_killed_writers_left_is_removed(own_cache, dead):
     with compiled.open_private_folder(own_cache) as folder:
-        for process in (int(gone.stdout), os.getppid()):
+        for process in (dead, os.getppid()):
             (own_cache / f".a.{process}.0.part").touch()
         (own_cache / ".part").touch()
         folder.write("entry", b"content")

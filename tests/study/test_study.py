@@ -3,8 +3,6 @@
 import json
 import os
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
@@ -92,12 +90,6 @@ def test_a_fault_leaves_the_earlier_result(earlier):
         fail()
     assert content(earlier / "case") == before
     assert names(earlier) == ["case"]
-
-
-@pytest.fixture(scope="module")
-def dead():
-    """Return the number of a process that is over."""
-    return int(subprocess.check_output([sys.executable, "-c", "import os; print(os.getpid())"]))
 
 
 @posix
