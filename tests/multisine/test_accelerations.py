@@ -10,7 +10,7 @@ from rsgen.common.arrays import ComplexArray
 from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.data.multisine.spectra import scatter
 from tests.surfaces import codes, distances
-from tests.virtual import only
+from tests.virtual import multisine, only
 
 pytestmark = pytest.mark.slow
 
@@ -25,8 +25,7 @@ LEVELS = (3.0, 5.0, 8.0)
 @cache
 def motions(name: str, period: int = 512) -> tuple[ComplexArray, ComplexArray]:
     """Force and displacement (levels, lines) of odd lines from 2.5 to 20 Hz, exact."""
-    test = rsgen.MultisineTest(LEVELS, (2.5, 20.0), period / RATE, periods=1, lines="odd")
-    found = rsgen.simulate(rsgen.Oscillator(MASS, *LAWS[name]), test)
+    found = multisine(*LAWS[name], LEVELS, MASS, period=period / RATE, periods=1, lines="odd")
     force, response = (
         np.pad(one[:, 0], ((0, 0), (0, period)))[:, : period // 2] for one in (found.force, found.response)
     )

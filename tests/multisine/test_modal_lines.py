@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import rsgen as rs
+from tests.virtual import multisine
 
 MASS, SPRING, DAMPER = 1.5, 5920.0, 6.0
 
 
 @cache
 def spectra(law: str, noise: float = 0.0, seed: int = 1, **values: float) -> rs.MultisineSpectra:
-    oscillator = rs.Oscillator(MASS, law, {"k": SPRING, "c": DAMPER} | values)
-    test = rs.MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4, noise_relative=noise, seed=seed)
-    return rs.simulate(oscillator, test)
+    how = {"periods": 4, "noise_relative": noise, "seed": seed}
+    return multisine(law, {"k": SPRING, "c": DAMPER} | values, [3, 8], MASS, **how)
 
 
 def test_a_cubic_spring_has_three_quarters_of_its_coefficient():
@@ -53,6 +53,6 @@ def test_a_reversed_response_has_no_table():
 @pytest.mark.parametrize("k2", [0.0, 1.2e5])
 def test_an_even_force_that_a_table_cannot_hold_is_named(k2):
     values = {"k": 5000.0, "k2": k2, "k3": 4e6, "c": 4.0}
-    test = rs.MultisineTest([1, 2, 4], band=(2.5, 20), period=2, periods=4, noise_relative=0.005)
-    table = rs.modal_table(rs.simulate(rs.Oscillator(MASS, "k*x + k2*x**2 + k3*x**3 + c*v", values), test))
+    law = "k*x + k2*x**2 + k3*x**3 + c*v"
+    table = rs.modal_table(multisine(law, values, [1, 2, 4], periods=4, noise_relative=0.005))
     assert [dict(one.names) for one in table.findings] == [{"even": "x**2"}] * bool(k2)

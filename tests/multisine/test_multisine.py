@@ -13,6 +13,7 @@ from rsgen.common.errors import MeasurementError, RsgenError
 from rsgen.data.history import TimeHistory, from_multisine
 from rsgen.data.multisine.linear import misread_lines
 from tests.surfaces import codes, errors
+from tests.virtual import multisine
 
 OMEGA0 = 2 * np.pi * 0.5
 LINES = 256
@@ -195,8 +196,7 @@ def test_silverbox_as_published(measured_data):
 
 def test_a_given_mass_that_a_multisine_contradicts_is_named():
     law, values = "k*x + k3*x**3 + c*v", {"k": 6000.0, "k3": 4e6, "c": 4.0}
-    test = rsgen.MultisineTest((3.0, 8.0), (2.5, 20.0), 2.0, periods=8, noise_relative=0.01)
-    spectra = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+    spectra = multisine(law, values, (3.0, 8.0), periods=8, noise_relative=0.01)
     # less than a hundredth counts where the right mass leaves nothing but noise; a thousand is a unit
     for off in (1.03, 0.993, 1e3):
         found = rsgen.identify(spectra, law, mass=off * MASS)
@@ -208,8 +208,7 @@ def test_a_given_mass_that_a_multisine_contradicts_is_named():
 
 def test_exchanged_channels_of_a_multisine_are_named():
     law, values = "k*x + k3*x**3 + c*v", {"k": 5000.0, "k3": 4e6, "c": 15.0}
-    test = rsgen.MultisineTest((3.0, 5.0, 8.0), (2.5, 20.0), 1.0, periods=4, noise_relative=0.01)
-    right = rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+    right = multisine(law, values, (3.0, 5.0, 8.0), period=1.0, periods=4, noise_relative=0.01)
     assert not misread_lines(right)
     found = rsgen.identify(dataclasses.replace(right, force=right.response, response=right.force), law)
     assert [one.names["is"] for one in found.findings if one.code == "another-quantity"] == ["exchanged"]

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError
 from rsgen.identification.ranking.library_sums import library_terms
 from rsgen.identification.results.result import held_out_lines
 from rsgen.law.motion import waveform
 from tests.case_files import MEASURED, write_small
+from tests.virtual import multisine
 
 pytestmark = pytest.mark.slow
 
@@ -31,8 +32,7 @@ CASE = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("multisine")
-    plan = rsgen.MultisineTest(LEVELS, (2.5, 20.0), PERIOD / RATE, periods=1, seed=3)
-    exact, generator = rsgen.simulate(rsgen.Oscillator(MASS, LAW, TRUE), plan), np.random.default_rng(3)
+    exact, generator = multisine(LAW, TRUE, LEVELS, MASS, periods=1, seed=3), np.random.default_rng(3)
     for level, *spectra in zip(LEVELS, exact.mean_force, exact.mean_response, strict=True):
         signals = [np.tile(waveform(one, PERIOD), PERIODS) for one in spectra]
         signals = [s + 1e-4 * s.std() * generator.standard_normal(len(s)) for s in signals]
@@ -85,8 +85,6 @@ def test_what_a_multisine_cannot_have_is_said_before_the_run(folder, run_cli):
         checked = run_cli("check", write_small(folder, "odd", CASE | changes))
         assert checked.code == 2, checked
         assert reason in " ".join((checked.out + checked.err).split())
-    with pytest.raises(RsgenError, match="surface: MultisineSpectra; must be ResponseSurface"):
-        rsgen.predict(rsgen.Oscillator(1.0, "k*x", {"k": 1.0}), 1.0, rsgen.read(folder / "lines.toml"))
     with pytest.raises(MeasurementError, match="a level a record"):
         rsgen.MultisineSpectra([1.0], 1.0, np.ones((2, 5), complex), np.ones((2, 5), complex))
 
@@ -99,7 +97,6 @@ def test_a_case_ranks_laws_by_the_lines(folder, tmp_path, run_cli, monkeypatch):
     listed = run_cli("rank", case, "--data", folder)
     best = "cubic-spring + quadratic-spring"
     assert f"{best} + linear-damper fits best: what it leaves unexplained at" in listed.out
-    assert "interval" in listed.out, listed
     written = run_cli("run", case, "--data", folder, "--out", tmp_path / "out")
     assert written.code == 0, written
     (path,) = tmp_path.glob("out/*/notebook.ipynb")

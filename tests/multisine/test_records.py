@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.errors import MeasurementError, RsgenError
+from rsgen.common.errors import MeasurementError
 from rsgen.data.history import TimeHistory, from_multisine
 from tests.surfaces import severities
 
@@ -53,13 +53,6 @@ def test_a_record_in_place_of_that_of_another_level_is_doubted():
     found = rsgen.identify(from_multisine([low, copy]), "k*x + c*v")
     assert severities(found)["run-repeated"] == "doubt"
     assert "run-repeated" not in severities(rsgen.identify(from_multisine([low, high]), "k*x + c*v"))
-
-
-def test_swapped_columns_are_not_believed():
-    swapped = [TimeHistory(RATE, one.response, one.force) for one in records(4)]
-    assert not rsgen.identify(from_multisine(swapped), "k*x + c*v").verdict.usable
-    with pytest.raises(RsgenError, match="wider band; or force and response are swapped"):
-        rsgen.best_linear(from_multisine(records(4)), (9.0, 9.5))
 
 
 def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():

@@ -14,6 +14,7 @@ from rsgen.identification.lines import line_identification
 from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.surfaces import codes, errors
+from tests.virtual import multisine
 
 pytestmark = pytest.mark.slow
 
@@ -27,9 +28,7 @@ MASS = 1.5
 
 
 def simulated(name: str, level: tuple[float, ...] = (3.0, 5.0, 8.0), **more: Any) -> rsgen.MultisineSpectra:
-    law, values = LAWS[name]
-    test = rsgen.MultisineTest(level, (2.5, 20.0), 2.0, **{"periods": 1, **more})
-    return rsgen.simulate(rsgen.Oscillator(MASS, law, values), test)
+    return multisine(*LAWS[name], level, MASS, **{"periods": 1, **more})
 
 
 @pytest.mark.parametrize(("name", "within"), [("cubic", 1e-9), ("friction", 1e-4), ("corner", 1e-4)])
@@ -54,15 +53,13 @@ def test_an_even_force_does_not_take_up_the_offset_of_a_sensor(mean):
     assert "sensor-offset" not in codes(wrong)
 
 
-@pytest.mark.parametrize(("displacement", "force", "state"), [
-    (3e-4, 0.2, "doubtful"), (0.0, 0.2, "identified"), (4e-5, 0.2, "identified"),
-])  # fmt: skip
-def test_where_the_force_has_a_mean_an_offset_that_moves_values_is_a_doubt(displacement, force, state):
+@pytest.mark.parametrize(("displacement", "state"), [(3e-4, "doubtful"), (4e-5, "identified")])
+def test_where_the_force_has_a_mean_an_offset_that_moves_values_is_a_doubt(displacement, state):
     """With a laser 0.3 mm off, k2 was identified a fifth too small; a mean of the force alone moves none."""
     right, law = simulated("even", (0.5, 1.0, 2.0), periods=4, noise_relative=1e-3), LAWS["even"][0]
     motion, driven = np.array(right.response), np.array(right.force)
     motion[..., 0] += displacement
-    driven[..., 0] += force
+    driven[..., 0] += 0.2
     found = rsgen.identify(dataclasses.replace(right, response=motion, force=driven), law)
     assert found.verdict.state == state
     said = [finding for finding in found.findings if finding.code == "sensor-offset"]
@@ -81,7 +78,6 @@ def test_a_held_out_record_that_is_not_reached_from_rest_is_predicted_near_the_m
     spectra = simulated("cubic", periods=4, noise_relative=1e-3)
     found = rsgen.identify(spectra, LAWS["cubic"][0], rsgen.Observation(hold_out=(8.0,)))
     assert found.held_out[0].error < 0.01
-    assert rsgen.figures.draw_held_out(rsgen.predict(found)).name == "predicted-record"
     assert "no-steady-state" not in codes(found)
 
 
@@ -156,8 +152,7 @@ def _damaged(folder, **changes):
 
 @pytest.mark.parametrize(("changes", "fault"), [
     ({"force": None}, "force: missing"), ({"level": np.array([{}], dtype=object)}, "Object arrays"),
-    ({"force": np.ones((1, 2, 3))}, "force .1, 2, 3."),
-    ({"origin": "<b>"}, "origin: one of measured, simulated"), ({"base": "x" * 100}, "base: 'xxx"),
+    ({"force": np.ones((1, 2, 3))}, "force .1, 2, 3."), ({"base": "x" * 100}, "base: 'xxx"),
     ({"omega0": np.nan}, "omega0"), ({"left_out": [1, 2]}, "left_out: .2,.; one a record"),
     ({"mean_known": [True, False]}, "mean_known: true or false"),
 ])  # fmt: skip
