@@ -8,7 +8,6 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from rsgen import (
-    MultisineTest,
     ResponseSurface,
     RsgenError,
     SimulatedTest,
@@ -25,15 +24,14 @@ from rsgen.describing.derivation import derive
 from rsgen.identification.identify import _with_held_out
 from rsgen.identification.prediction import HeldOutLevel, Prediction, predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
-from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve, missed_findings
+from rsgen.identification.prediction.prediction_result import known_beyond, largest_of_curve
 from rsgen.identification.prediction.resonance_curves import predict_held_out, predict_shown
 from rsgen.identification.resonance import as_identification
-from rsgen.identification.results.result import held_out_lines
 from rsgen.law.motion import Motion
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from tests.oracles.swept import sweep
 from tests.surfaces import LAWS, changed, codes, model, noisy, surface
-from tests.virtual import fundamentals, only, simulated
+from tests.virtual import fundamentals, multisine, only, simulated
 
 EXACT = 1e-5
 """Predicted from exact data with all harmonics; what is left is the identification's own error."""
@@ -58,24 +56,19 @@ def test_an_error_that_noise_and_values_do_not_explain_is_found(gain, expected):
     found = identify(table, model("coulomb", hold_out=(4.0,)))
     assert found.held_out[0].error < 0.05
     assert [f.severity for f in found.findings if f.code == "held-out-missed"] == expected
-    assert ("explain no more than" in str(found)) == bool(expected)
 
 
 def test_the_error_of_a_law_that_misses_is_not_explained_by_its_widened_intervals():
     """An error of 17 %, of a law with a misfit of 2.5 % that has a pattern, was a warning."""
-    found = identify(
-        surface("combined"), Model(CUBIC.replace("k3", "kn"), None, Observation(hold_out=(2.0,)))
-    )
+    found = identify(surface("combined"), CUBIC, Observation(hold_out=(2.0,)))
     assert np.isnan(found.held_out[0].explained)
-    (missed,) = (f for f in found.findings if f.code == "held-out-missed")
-    assert missed.severity == "doubt"
+    assert only(found, "held-out-missed").severity == "doubt"
 
 
 def test_a_held_out_sweep_is_compared_by_its_force_where_it_falls_through_an_unstable_branch():
     structure = Oscillator(1.5, CUBIC, {"k": 5920.0, "k3": 4e6, "c": 3.0})
-    swept = from_swept_sine(
-        [sweep(structure, F, SweepLaw("linear", 8.0, 0.1), 16.0, 400.0) for F in (1, 2, 4)]
-    )
+    run = SweepLaw("linear", 8.0, 0.1), 16.0, 400.0
+    swept = from_swept_sine([sweep(structure, force, *run) for force in (1, 2, 4)])
     (item,) = identify(swept, CUBIC, Observation(hold_out=(2.0,))).held_out
     assert item.missing == 0
     assert item.error < 5e-3
@@ -96,7 +89,6 @@ def test_the_error_that_is_stated_is_the_one_that_is_judged(wrong, severities):
     assert (item.error < 2 * found.residual) is (not severities)
     missed = [finding for finding in found.findings if finding.code == "held-out-missed"]
     assert [(one.severity, one["error"]) for one in missed] == [(one, item.error) for one in severities]
-    assert ("of the fitted levels: as good as the fit" in str(found)) is found.verdict.usable
 
 
 def test_curves_pass_through_the_measured_points(quintic):
@@ -105,9 +97,8 @@ def test_curves_pass_through_the_measured_points(quintic):
         # below the resonance, and below the fold where there is one, the amplitude is a function
         top = curve.frequency[np.nanargmax(curve.amplitude)]
         end = float(np.min(curve.folds[:, 0], initial=top))
-        left = np.flatnonzero(
-            (curve.frequency < end) & curve.stable & (np.arange(len(curve.frequency)) < 161)
-        )
+        first_side = np.arange(len(curve.frequency)) < 161
+        left = np.flatnonzero((curve.frequency < end) & curve.stable & first_side)
         order = left[np.argsort(curve.frequency[left])]
         along = CubicSpline(curve.frequency[order], np.log(curve.amplitude[order]))
         low, high = curve.frequency[order[[0, -1]]]
@@ -141,8 +132,6 @@ def test_frequencies_far_from_the_tested_ones_are_extrapolated():
     assert not wide.extrapolated[np.argmax(wide.amplitude)]
     assert curve.findings == ()
     assert [(said["low"], said["high"]) for said in predicted.findings] == [(low, high)]
-    # an oscillator was not tested: nothing of it is beyond a test
-    assert not predict(Oscillator(1.5, "k*x + c*v", {"k": 5920.0, "c": 4.0}), 1.0, band=(1, 99)).findings
 
 
 def test_of_a_held_out_level_beyond_those_fitted_the_score_is_said():
@@ -211,7 +200,6 @@ def test_a_level_at_which_friction_holds_the_mass_is_a_finding():
     assert said == [("no-steady-state", 1.0, "rest"), ("no-steady-state", 11.0, None)]
     # 4/pi of the friction
     assert stuck.findings[0]["least"] == pytest.approx(12.73, rel=1e-3)
-    assert "friction of 10 N holds the mass" in sentence(stuck.findings[0])
 
 
 @pytest.mark.parametrize("mass", [None, 1.5])
@@ -310,10 +298,8 @@ def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear):
     curve = predict(replace(found, covariance=covariance), [5.0]).curves[0]
     omega = 2 * np.pi * curve.frequency
     dynamic = 5920 - 1.5 * omega**2 + 3.8j * omega
-    slope = (
-        np.stack([omega * dynamic.imag, dynamic.real], axis=1)
-        * (curve.amplitude / np.abs(dynamic) ** 2)[:, None]
-    )
+    size = curve.amplitude / np.abs(dynamic) ** 2
+    slope = np.stack([omega * dynamic.imag, dynamic.real], axis=1) * size[:, None]
     half = 1.96 * np.sqrt(np.einsum("np,pq,nq->n", slope, covariance[:2, :2], slope))
     shown = np.isfinite(curve.upper) & np.isfinite(curve.lower)
     assert np.count_nonzero(shown) > 50
@@ -345,8 +331,6 @@ def test_a_point_that_jumps_late_is_named_and_no_warning(kind):
     missing = only(held, "held-out-points-missing")
     assert {all_fitted.severity, missing.severity} == {"info" if kind == "jump" else "warning"}
     assert f"1 of 138 points {at} were excluded" in sentence(all_fitted)
-    # a point that was measured while the motion fell is no jump in another place
-    assert "than the law has it" not in sentence(all_fitted)
     assert (f"lie at a jump {at}" in sentence(missing)) == (kind == "jump")
     assert held.held_out[0].error < 0.01
 
@@ -358,7 +342,6 @@ def test_a_level_that_was_not_tested_is_predicted_where_the_observation_asks(bas
     found = identify(table, CUBIC, Observation(predict=(asked,)))
     said = only(found, "level-predicted")
     assert said not in predict_shown(table, found).findings
-    assert sentence(said) in str(found)
     at, largest = predict(found, [asked], table)[asked].largest[:2]
     assert (said["level"], said["amplitude"], said["at"]) == pytest.approx((asked, largest, at))
     assert said["low"] < largest < said["high"]
@@ -380,10 +363,9 @@ def test_of_a_curve_that_the_band_cuts_the_largest_amplitude_is_not_stated():
     found = identify(table, CUBIC, Observation(predict=(3.0,)))
     said = only(found, "level-predicted")
     # nor is a pickled law, which has no fit, taken for a table
-    for one in (found, pickle.loads(pickle.dumps(found))):
-        prediction = predict(one, [3.0])
-        assert prediction[3.0].rises_at_end
-        assert only(prediction, "prediction-extrapolated").names.get("by") != "table"
+    prediction = predict(pickle.loads(pickle.dumps(found)), [3.0])
+    assert prediction[3.0].rises_at_end
+    assert only(prediction, "prediction-extrapolated").names.get("by") != "table"
     inside = {"inside", "inside_low", "inside_high", "inside_at"}
     assert set(said.numbers) == {"level", "at", "reached"} | inside
     assert said["inside_low"] < said["inside"] < said["inside_high"]
@@ -437,15 +419,12 @@ def test_where_the_period_doubles_next_to_a_stop_the_curve_is_unstable():
         assert curve.stable[place] == (np.abs(found).max() < 1)
         seen.append(found.real.min())
     assert min(seen) < -1.4
-    assert not len(curve.folds) or np.all(np.abs(curve.folds[:, 0] - 45) > 5)
     assert list(prediction[1.0].stable) == list(np.abs(prediction[1.0].multiplier) < 1)
     said = only(prediction, "motion-does-not-last")
     assert (said["level"], said["levels"], said.names["by"]) == (16.0, 2, "period")
     # between the points of the curve it is not known where
     at = [curve.frequency[place] for place in (*lost[[0, -1]], lost[0] - 1, lost[-1] + 1)]
-    assert "doubles its period from {:.4g} to {:.4g} Hz (at most {:.4g} to {:.4g})".format(*at) in sentence(
-        said
-    )
+    assert said.names["where"] == "{:.4g} to {:.4g} Hz (at most {:.4g} to {:.4g})".format(*at)
 
 
 def test_the_travel_at_the_largest_amplitude_is_that_of_the_motion_in_time():
@@ -458,8 +437,6 @@ def test_the_travel_at_the_largest_amplitude_is_that_of_the_motion_in_time():
     np.testing.assert_allclose(curve.travel, (x.min(), x.max()), rtol=2e-3)
     assert curve.acceleration == pytest.approx(np.abs(acceleration).max(), rel=2e-3)
     assert curve.travel[1] > 1.05 * curve.largest[1]
-    said = largest_of_curve(curve, "", (0.0, np.inf))
-    assert (said["least"], said["most"], said["acceleration"]) == (*curve.travel, curve.acceleration)
 
 
 def test_the_acceleration_of_a_driven_base_is_the_absolute_one():
@@ -486,9 +463,8 @@ def test_a_curve_is_closed_over_its_peak_however_the_loss_depends_on_frequency(l
 
     def least(amplitude: float) -> float:
         first = function.evaluate(np.full(4001, amplitude), omega, values)
-        return (
-            amplitude * abs(first.stiffness - 1.2998 * omega**2 + 1j * omega * first.damping)
-        ).min() - level
+        force = amplitude * (first.stiffness - 1.2998 * omega**2 + 1j * omega * first.damping)
+        return abs(force).min() - level
 
     peak = brentq(least, 0.9 * curve.amplitude[top], 1.1 * curve.amplitude[top])
     assert curve.amplitude[top] == pytest.approx(peak, rel=2e-3)
@@ -515,13 +491,10 @@ def test_a_jump_has_the_direction_of_the_sweep_in_which_it_is(k3, peak_jumps):
     stiff = Oscillator(1.5, f"{CUBIC} + k5*x**5", {"k": 6000.0, "k3": k3, "k5": 1e11, "c": 1.0})
     curve = predict(stiff, [0.3], band=(7, 13))[0.3]
     low, high = sorted(curve.folds[:, 0])
-    assert [(jump.frequency, jump.interval, jump.sweep) for jump in curve.jumps] == [
-        (low, (low, low), "down"),
-        (high, (high, high), "up"),
-    ]
+    expected = [(low, (low, low), "down"), (high, (high, high), "up")]
+    assert [(jump.frequency, jump.interval, jump.sweep) for jump in curve.jumps] == expected
     assert max(curve.jumps, key=lambda jump: jump.amplitude).sweep == peak_jumps
     for jump in curve.jumps:
-        assert jump.in_words().startswith(f"{jump.frequency:.5g} {jump.sweep} (to ")
         # another stable motion at that frequency
         flanks = np.flatnonzero(np.diff(np.sign(curve.frequency - jump.frequency)) * curve.stable[1:])
         low_end, high_end = np.sort(curve.amplitude[[flanks, flanks + 1]], axis=0)
@@ -547,11 +520,9 @@ def test_jumps_and_the_largest_amplitude_have_the_intervals_that_the_values_give
     assert fast - slow == pytest.approx(1.96 * abs(ends[1] - ends[0]) / (2 * np.pi), rel=0.01)
     middle = balance_of(found).peak(level, (50.0, 80.0))[0][0] / (2 * np.pi)
     assert (slow + fast) / 2 == pytest.approx(middle, rel=1e-9)
-    assert prediction[level].largest[0] == (slow + fast) / 2
     assert np.isnan(predict(found, [level], band=(9.0, 0.99 * slow))[level].peak_interval).all()
     said = largest_of_curve(prediction[level], "", (0.0, np.inf))
     assert (said["at_low"], said["at_high"]) == (slow, fast)
-    assert f"{said['low']:.5g} to {said['high']:.5g}" in str(prediction)
 
 
 @pytest.mark.parametrize(("way", "reaches"), [("up", False), ("down", True)])
@@ -566,8 +537,6 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     fell = own.frequency < 9.758 if reaches else own.frequency > 9.902
     curve = predict(found, [0.3])[0.3]
     (led,) = (jump for jump in curve.jumps if jump.sweep == way)
-    assert f"sweep {way} (to " in said.names["jumps"]
-    assert "however slow the sweep" in sentence(said)
     rising = next(jump for jump in curve.jumps if jump.landing > jump.amplitude)
     # integrated from rest below the jump to 0.3 % beyond it
     slow = SweepLaw("linear", 0.97 * rising.frequency, 2.5e-4)
@@ -586,7 +555,6 @@ def test_a_fold_next_to_a_corner_of_the_law_is_where_the_motion_jumps():
     # by 24 harmonics from 2048 samples a period; the points of the curve lie 0.4 Hz from each other
     assert corner.frequency == pytest.approx(25.1552, rel=5e-5)
     assert corner.interval[1] - corner.frequency == pytest.approx(1.96 * abs(high - low) / 2, rel=0.1)
-    assert corner.in_words().startswith(f"{corner.frequency:.4g}")
 
 
 def test_a_held_out_level_says_nothing_of_amplitudes_that_its_points_do_not_reach():
@@ -609,12 +577,9 @@ def test_a_level_has_one_name(label, name):
     (held_out,) = prediction.held_out
     assert held_out.name == name
     assert [curve.force for curve in prediction] == pytest.approx([1.9, 3.8, 7.6], rel=1e-3)
-    assert held_out_lines([held_out])[0].startswith(f"held out {name}: predicted")
     # of its line the force near the resonance
     legend = figures.draw_responses(table, prediction).figure.axes[0].get_legend()
     assert legend.get_texts()[1].get_text() == f"{name} at 3.8 N"
-    scores = [replace(held_out, error=error, misfit=0.01, explained=0.035) for error in (0.015, 0.03, 0.04)]
-    assert [len(missed_findings((score,))) for score in scores] == [0, 0, 1]
     sizes = {"level": Quantity(4.0, "N"), "misfit": Quantity(0.1), "typical": Quantity(0.01)}
     doubted = replace(found, findings=(Finding("level-deviates", "doubt", "", sizes),))
     (other,) = _with_held_out(doubted, table, Prediction((), (), ())).findings
@@ -676,8 +641,7 @@ def test_a_free_decay_has_no_band_that_cuts_its_curves():
     assert not curve.rises_at_end
     assert np.nanmax(curve.amplitude) == pytest.approx(0.2 / (1.2 * np.sqrt(4000.0)), rel=1e-2)
     assert np.nanmin(curve.amplitude) < np.nanmax(curve.amplitude) / 2
-    assert "no jump" in sentence(only(found, "level-predicted"))
-    assert "not known" not in sentence(only(found, "level-predicted"))
+    assert "jumps" not in only(found, "level-predicted").names
 
 
 @pytest.mark.slow
@@ -710,45 +674,24 @@ def test_how_to_reach_a_peak_follows_from_sweep_and_law(sweep: str, way: str, sa
     assert ("prediction-extrapolated" in named) == bool(way)
     assert ("direction-from-branch" in named) == (said != sweep)
     assert found.resonances[1].reached == (said != "down")
-    if way:
-        assert f"to test them sweep {way}, each point from" in sentence(named["prediction-extrapolated"])
-    if said != sweep:
-        assert f"taken as swept {said}," in sentence(named["direction-from-branch"])
-
-
-SOFT = "k*x + k3*x**3 + c*v + cq*v*abs(v)", {"k": 1586.0, "k3": -6.588e5, "c": 0.6246, "cq": 1.355}
-EVEN = "k*x + k2*x**2 + c*v", {"k": 4000.0, "k2": 8e4, "c": 3.0}
-
-
-@pytest.mark.parametrize(("law", "test", "sweep"), [
-    # the up-jump is three steps above the jump down
-    (SOFT, ([0.4, 1.4], (5.6, 8, 61), 0.8433), "up"), (SOFT, ([0.4, 1.4], (5.6, 8, 61), 0.8433), "down"),
-    (EVEN, ([1.0, 3.0, 6.0], (8, 12, 60), 1.0), "up"),
-])  # fmt: skip
-def test_rows_of_a_sweep_down_that_were_sorted_are_not_taken_as_swept_up(law, test, sweep: str):
-    found = identify(replace(noisy(simulated(*law, *test, sweep=sweep), 5e-3, 0), sweep="up"), law[0])
-    assert ("direction-from-branch" in codes(found)) == (sweep == "down")
-    assert found.verdict.state == ("doubtful" if sweep == "down" else "identified")
+    assert not way or named["prediction-extrapolated"].names["way"] == way
+    assert found.verdict.state == ("doubtful" if (sweep, said) == ("up", "down") else "identified")
 
 
 def test_a_sweep_that_fell_early_is_to_take_smaller_steps():
     up, down = buckled("up"), buckled("down")
     fell = np.where((up.frequency < 24.7)[:, None], up.harmonics, down.harmonics)
-    found = identify(replace(up, harmonics=fell), BUCKLED[0])
-    (said,) = predict(found).findings
-    assert "to test them take smaller steps, each point from" in sentence(said)
+    (said,) = predict(identify(replace(up, harmonics=fell), BUCKLED[0])).findings
+    assert said.names["way"] == "finer"
 
 
 def test_levels_asked_of_a_multisine_are_said_to_be_those_of_a_sine():
-    oscillator = Oscillator(1.5, CUBIC, {"k": 5000.0, "k3": 4e6, "c": 4.0})
-    records = simulate(oscillator, MultisineTest([3, 8], band=(2.5, 20), period=2, periods=4))
+    records = multisine(CUBIC, {"k": 5000.0, "k3": 4e6, "c": 4.0}, [3, 8], periods=4)
     found = identify(records, CUBIC, Observation(hold_out=(3.0,)))
-    assert "amplitude of a sine with the rms of a record" in str(found)
     for levels, said in ((None, []), ([1.0], ["sine"])):
         prediction = predict(found, levels)
         assert [f.names.get("by") for f in prediction.findings if f.code == "prediction-extrapolated"] == said
         assert len(prediction.records) == 1
-    assert "curves are those under a sine, whose amplitude is the level" in str(prediction)
 
 
 def test_an_amplitude_without_a_motion_ends_no_range_of_a_curve():
