@@ -93,9 +93,3 @@ def test_every_law_of_a_ranking_acts_between_the_same_sensors() -> None:
         rs.rank(surface, [law, "k*x + c*v"])
     with pytest.raises(RsgenError, match="'a - b', 'far - near'; one pair"):
         rs.rank(surface, [law, *between("kj*x", sensors="a - b")])
-    with pytest.raises(RsgenError, match="the test has no motion across"):
-        rs.rank(replace(surface, across=None), [law])
-    unknown = np.array(surface.across)
-    unknown[:, 0] = 0
-    with pytest.raises(RsgenError, match="are not odd"):
-        rs.rank(replace(surface, across=unknown), between("k2*x**2 + kj*x"))

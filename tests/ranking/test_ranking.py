@@ -26,18 +26,14 @@ from rsgen.identification.ranking import Ranking, rank
 from rsgen.identification.ranking.balance import PointBalance
 from rsgen.identification.ranking.candidate_fit import CandidateFit, CandidateLaw, fit_candidate
 from rsgen.identification.ranking.library_sums import Sum, library_terms, terms_of
-from rsgen.identification.ranking.ranking_result import (
-    Candidate,
-    assess_best,
-    order_candidates,
-)
+from rsgen.identification.ranking.ranking_result import assess_best, order_candidates
 from rsgen.identification.ranking.reference import fit_reference_motion
 from rsgen.identification.ranking.selection import search_sums
 from rsgen.law.element import laws, make_element
 from rsgen.law.memory import with_memory
 from rsgen.law.numeric import compile_law
 from rsgen.report.result_json import ranking_entry
-from rsgen.report.sentences import next_step, sentence
+from rsgen.report.sentences import sentence
 from tests.case_files import law as case_law
 from tests.case_files import write_small
 from tests.conftest import FEW, Answer
@@ -106,8 +102,7 @@ def fundamentals(table: ResponseSurface) -> ResponseSurface:
 def test_the_true_law_is_first_or_tied(law: str, noise: float, whole: bool) -> None:
     ranking = ranked(law, noise, whole)
     assert NAMES[law] in winners(ranking)
-    assert ranking.fits
-    assert ranking.unexplained == 0
+    assert (ranking.fits, ranking.unexplained) == (True, 0)
     # among those that tie the one with fewest parameters stands first
     tied = [c.parameters for c in ranking.candidates if c.tied]
     assert tied == sorted(tied)
@@ -232,10 +227,7 @@ def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, no
 @pytest.mark.parametrize(("k2", "k3", "first", "tied"), [
     # fundamentals of the even term are those of a softening spring
     (6e4, -7.5e5, "cubic-spring + quadratic-spring", ""),
-    # a linear spring as far as k3 - 10/9 k2^2/k tells, but for its higher orders
-    (6e4, 7.5e5, "cubic-spring + quadratic-spring", ""),
     (3e4, -7.5e5, "cubic-spring", "cubic-spring + quadratic-spring"),
-    (0, 1.5e6, "cubic-spring", "cubic-spring + quadratic-spring"),
 ])  # fmt: skip
 def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, first, tied) -> None:
     """It has no fundamental along a motion without a mean: odd laws stood first, and nothing said why."""
@@ -251,7 +243,6 @@ def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, 
     if tied:
         assert tied in best_law.names["tied"].split(", ")
         assert said["k3"].endswith("*k2**2/k")
-        assert ranking.best.findings.count(best_law) == 1
     else:
         assert abs(ranking.best["k2"].value) == pytest.approx(k2, rel=0.2)
 
@@ -359,16 +350,11 @@ def test_a_candidate_whose_friction_feeds_energy_is_fitted_and_refused(along, fr
     _, rows, candidate, _ = along
     damper = make_element("friction", "Ff*sign(v)")
     force, _ = rows.of_law(compile_law(damper.force), np.array([friction]))
-    candidate = CandidateLaw(
-        "with friction", (*candidate.elements, damper), {**candidate.values, "Ff": 0.0}, dissipates=(("Ff",),)
-    )
-    fitted = fit_candidate(candidate, replace(rows, right=rows.right + force), {})
+    values, sides = {**candidate.values, "Ff": 0.0}, replace(rows, right=rows.right + force)
+    law = CandidateLaw("", (*candidate.elements, damper), values, dissipates=(("Ff",),))
+    fitted = fit_candidate(law, sides, {})
     assert fitted.feeds(rows) is (friction < 0)
-    if friction < 0:
-        assert fitted.fault == "its friction would feed energy"
-    else:
-        assert not fitted.fault
-        assert fitted.candidate.values["Ff"] == pytest.approx(friction, rel=0.1)
+    assert fitted.fault == ("its friction would feed energy" if friction < 0 else "")
 
 
 def test_every_law_of_the_library_takes_part() -> None:
@@ -451,15 +437,12 @@ def test_laws_are_ranked_without_phases(name: str, seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["cubic", "gap"])
-def test_without_phases_no_law_fits_a_wrong_level_or_another_law(name: str) -> None:
-    table = _without_phases(name, 0)
+def test_without_phases_no_law_fits_a_wrong_level_or_another_law() -> None:
+    table = _without_phases("gap", 0)
     top = table.level == table.levels[-1]
     wrong = rank(changed(table, force=np.where(top, 1.15, 1) * table.force), list(_RIVALS))
     assert "no-law-fits" in codes(wrong)
-    # a gap is as good as a cubic spring of this size
-    like = {_WITHOUT_PHASES[name][0], _RIVALS[3] if name == "cubic" else ""}
-    assert not rank(table, [law for law in _RIVALS if law not in like]).fits
+    assert not rank(table, [law for law in _RIVALS if law != _WITHOUT_PHASES["gap"][0]]).fits
 
 
 CASE = {
@@ -505,16 +488,11 @@ def test_the_command_ranks_the_test_of_a_case(
     answer = json.loads(run_cli("rank", path, "--json").out)
     assert (answer["candidates"][0]["name"], answer["fits"]) == ("cubic-spring", True)
     assert not any(candidate["own"] for candidate in answer["candidates"])
-    printed = run_cli("rank", path)
-    assert printed.out.startswith("Identified: cubic-spring + linear-damper fits best")
-    # with intervals: the best law is identified, and then put into a case
-    *_, law = lines = printed.out.splitlines()
-    values = {line.split()[0]: line.split() for line in lines[-6:-2]}
-    assert 'force = "c*v + k*x + k3*x**3" into the case' in law
     low, high = answer["best"]["k3"]["interval"]
-    assert high - low == pytest.approx(float(values["k3"][4]) - float(values["k3"][2]), rel=0.05)
-    # what the values, and which law is the best, may hang on
-    assert "\nall values scale with the units of force" in printed.out
+    assert low < LAWS["cubic"][1]["kn"] < high
+    printed = run_cli("rank", path).out
+    assert printed.startswith("Identified: cubic-spring + linear-damper fits best")
+    assert 'force = "c*v + k*x + k3*x**3" into the case' in printed
 
 
 def test_a_candidate_that_cannot_be_fitted_stands_last_with_the_reason() -> None:
@@ -529,20 +507,7 @@ def test_a_candidate_that_cannot_be_fitted_stands_last_with_the_reason() -> None
         "coulomb": "its friction would feed energy",
     }
     assert [candidate.name for candidate in ranking][-2:] == [*faults]
-    assert [row[4] for row in ranking.table.rows][-2:] == [f"not fitted: {why}" for why in faults.values()]
     assert [one.get("fault", "") for one in ranking_entry(ranking)["candidates"]][-2:] == [*faults.values()]
-
-
-def test_a_ranking_judges_the_misfit_of_its_best_law_as_its_identification_does() -> None:
-    # a fault of the force that no law has, less than sensors resolve
-    table = measured("cubic", 0.002)
-    inside = (table.frequency > 9.4) & (table.frequency < 10.4)
-    spoilt = changed(table, force=table.force * np.where(inside, 1.015, 1.0))
-    ranking = rank(spoilt, ["k*x + kn*x**3 + c*v"])
-    assert "law-does-not-fit" in codes(ranking.best)
-    assert ranking.verdict.state == "identified"
-    (best,) = (finding for finding in ranking.findings if finding.code == "law-fits-best")
-    assert best.names["left"] == "systematic"
 
 
 @pytest.mark.slow
@@ -595,34 +560,21 @@ def test_a_term_that_its_identification_does_not_tell_from_zero_is_not_first() -
     assert ranking.verdict.state == ranking.best.verdict.state == "identified"
 
 
-@cache
-def _rubbing() -> ResponseSurface:
-    """Two harmonics of a cubic spring with Coulomb friction, over small and large motions."""
+def test_a_law_of_the_user_does_not_move_the_others() -> None:
+    """Nearly dry friction fits by itself; all were compared along its motion, and not the best law's."""
     law, values = "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2.6e4, "k3": 3e8, "c": 6.0, "Ff": 0.6}
     table = virtual(law, values, [2.0, 4.0, 7.0, 11.0], np.linspace(19, 30, 23), 1.45, noise_relative=0.0)
     table = noisy(table, 1e-3, 1)
-    return changed(table, harmonics=table.harmonics[:, :4] * [np.nan, 1, np.nan, 1])
-
-
-@cache
-def _rubbing_by_bic(*formulas: str) -> dict[str, Candidate]:
-    names = ("cubic-spring", "coulomb", "odd-power-spring", "tanh-friction", "joint-polynomial")
-    ranking = rank(_rubbing(), [*named(*names), *formulas])
-    return {candidate.name: candidate for candidate in ranking}
-
-
-def test_a_law_of_the_user_does_not_move_the_others() -> None:
-    """Nearly dry friction fits by itself; all were compared along its motion, and not the best law's."""
-    alone, more = _rubbing_by_bic(), _rubbing_by_bic("k*x + k3*x**3 + c*v + Ff*v/sqrt(v**2 + vs**2)")
-    assert next(iter(more)) == next(iter(alone)) == "cubic-spring + coulomb"
-    near = [name for name, one in alone.items() if one.bic < 20]
+    table = changed(table, harmonics=table.harmonics[:, :4] * [np.nan, 1, np.nan, 1])
+    given = named("cubic-spring", "coulomb", "odd-power-spring", "tanh-friction", "joint-polynomial")
+    alone, more = rank(table, given), rank(table, [*given, law.replace("sign(v)", "v/sqrt(v**2 + vs**2)")])
+    assert more.candidates[0].name == alone.candidates[0].name == "cubic-spring + coulomb"
+    near = [one for one in alone if one.bic < 20]
     assert len(near) == 3
-    for name in near:
-        assert more[name].bic == pytest.approx(alone[name].bic, abs=0.01)
-
-
-def test_steep_friction_without_a_jump_is_nearly_dry_friction() -> None:
-    steep = _rubbing_by_bic()["cubic-spring + tanh-friction"]
+    for one in near:
+        assert more[one.name].bic == pytest.approx(one.bic, abs=0.01)
+    # friction that is steep without a jump is nearly dry friction
+    steep = alone["cubic-spring + tanh-friction"]
     assert steep.values["Ff"] == pytest.approx(0.6, rel=0.01)
     assert steep.values["vs"] < 2e-3
     assert steep.bic < 50
@@ -687,28 +639,6 @@ def test_fits_that_did_not_converge_are_marked_in_80_columns(monkeypatch: pytest
     entries = ranking_entry(ranking)["candidates"]
     assert {entry["name"] for entry in entries if not entry["converged"]} == lost
     assert sum("did not converge" in row[4] for row in ranking.table.rows) == len(lost)
-    _, *lines = str(ranking).split("\n")
-    table = lines[: next(i for i, line in enumerate(lines) if line.startswith("* its fit did not converge"))]
-    assert max(map(len, table)) <= 80
-    assert sum(line.endswith(("best*", "ties*", "worse*")) for line in table) == len(lost)
-
-
-@pytest.mark.slow
-def test_a_law_that_loses_other_points_of_fundamentals_is_not_judged_by_these_alone() -> None:
-    """Friction leaves some points of either law unsettled: ten of 392 hid that the law fits the others."""
-    law = "k*x + c*v + kb*Max(x, 0) + Ff*sign(v)"
-    values = {"k": 1.31e5, "kb": 9.6e4, "c": 54.0, "Ff": 1.76}
-    frequency = np.concatenate([np.arange(10, 24, 0.25), np.arange(24, 34, 0.5)])
-    table = virtual(law, values, [3, 5, 10, 15, 25, 40], frequency, 5.25, noise_relative=0.012)
-    ranking = rank(fundamentals(table), ["k*x + c*v + Ff*sign(v)", law], mass=5.25)
-    assert ranking.fits
-    assert set(ranking.candidates[0].values) == {"k", "kb", "c", "Ff"}
-
-
-def test_the_next_step_of_a_best_law_that_misses_something_is_no_further_ranking() -> None:
-    found, missed = ranked("cubic").best, Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.011})
-    best = replace(ranked("cubic"), identified=replace(found, findings=(missed,))).best
-    (said,) = (finding for finding in best.findings if finding.code == missed.code)
-    assert "rsgen rank" in next_step(missed)
-    assert next_step(said)
-    assert "rsgen rank" not in next_step(said)
+    table, _ = str(ranking).split("\n* its fit did not converge")
+    assert max(map(len, table.split("\n")[1:])) <= 80
+    assert sum(line.endswith(("best*", "ties*", "worse*")) for line in table.split("\n")) == len(lost)

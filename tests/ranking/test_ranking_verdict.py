@@ -22,7 +22,7 @@ from rsgen.identification.ranking.reference import PointTest
 from rsgen.identification.results import Identification
 from rsgen.identification.results import changed as changed_result
 from rsgen.report.sentences import ranking_steps, sentence, state_verdict
-from tests.ranking.test_ranking import BASE, MEMORYLESS, measured, named, virtual
+from tests.ranking.test_ranking import BASE, measured, named, virtual
 from tests.surfaces import LAWS, MASS, changed, codes
 
 CUBIC = ["k*x + c*v", "k*x + k3*x**3 + c*v"]
@@ -36,9 +36,7 @@ def late(law: str) -> ResponseSurface:
 
 
 def decayed(law: str, values: dict[str, float], mass: float, level: list[float], **plan: Any) -> Any:
-    return rsgen.simulate(
-        Oscillator(mass, law, values), rsgen.DecayTest(level, **{"noise_relative": 1e-3, **plan})
-    )
+    return rsgen.simulate(Oscillator(mass, law, values), rsgen.DecayTest(level, noise_relative=1e-3, **plan))
 
 
 def counted(findings: Any, *names: str) -> list[int]:
@@ -46,7 +44,7 @@ def counted(findings: Any, *names: str) -> list[int]:
     return [[finding.code for finding in findings].count(name) for name in names]
 
 
-@pytest.mark.parametrize(("low", "held"), [(1.05, 31), (1.15, 31), (1.27, 0)])
+@pytest.mark.parametrize(("low", "held"), [(1.15, 31), (1.27, 0)])
 def test_a_level_that_friction_nearly_holds_does_not_reject_the_law(low: float, held: int) -> None:
     values, grid = {"k": 5920.0, "c": 3.8, "Ff": 1.0}, np.linspace(8.5, 11.5, 31)
     plan = {"harmonics": 5, "accuracy": 1e-6, "noise_relative": 0.0}
@@ -55,9 +53,7 @@ def test_a_level_that_friction_nearly_holds_does_not_reject_the_law(low: float, 
     assert ranking.fits
     assert ranking.candidates[0].name == "c*v + k*x + Ff*sign(v)"
     np.testing.assert_allclose([one.value for one in ranking.best], [1.0, 3.8, 5920.0, MASS], rtol=1e-6)
-    excluded = [one for one in ranking.findings if one.code == "points-excluded"]
-    assert {one.severity for one in excluded} <= {"info", "warning"}
-    by = {one.names["by"]: one for one in excluded}
+    by = {one.names["by"]: one for one in ranking.findings if one.code == "points-excluded"}
     assert by.get("friction", {"excluded": 0})["excluded"] == held
 
 
@@ -80,11 +76,8 @@ def test_a_ranking_in_which_no_law_fits_names_the_even_force_that_is_missing() -
     table = virtual(law, values, [0.8, 1.5, 3.0, 4.5], grid, 0.8, noise_relative=5e-3, seed=2)
     odd = ["k*x + c*v + k3*x**3", "k*x + c*v + k5*x**5"]
     ranking = rank(table, odd)
-    stated = state_verdict(ranking.verdict)
-    assert [one["code"] for one in stated["decided_by"]] == ["no-law-fits", "even-force-missing"]
-    assert stated["decided_by"][0]["names"]["even"] == "x**2"
-    (step,) = steps_once(stated)
-    assert "such as k2*x**2" in step
+    missed, cause = ranking.verdict.decided_by
+    assert (missed.code, missed.names["even"], cause.code) == ("no-law-fits", "x**2", "even-force-missing")
     assert counted(ranking.best.findings, "even-force-missing") == [1]
     assert rank(table, [*odd, "k*x + c*v + k2*x**2 + k3*x**3"]).fits
 
@@ -129,7 +122,8 @@ def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_i
     assert (len(simulated), len(asked)) == (0, 1)
     # the same values but for what corners leave of a truncated waveform
     np.testing.assert_allclose([one.value for one in best], [one.value for one in alone], rtol=0.02)
-    assert best.verdict.state == "rejected"
+    # the verdict of a ranking is that of its best law
+    assert best.verdict.state == ranking.verdict.state == "rejected"
     assert [f.names["kind"] for f in ranking.findings if f.code == "background-missing"] == ["phase"]
     (turned,) = (f for f in alone.findings if f.code == "channels-delayed")
     assert turned["turn"] == pytest.approx(-0.03, rel=0.01)
@@ -138,41 +132,17 @@ def test_a_law_that_does_not_fit_is_identified_by_the_balance_and_a_background_i
     assert any(f.names.get("background") for f in best.findings if f.code == "no-law-fits")
 
 
-FEWER = named("cubic-spring", "odd-power-spring", "coulomb", "stribeck")
-
-
-@pytest.mark.parametrize(("level", "seed", "rivals"), [
-    # along the motion of a Stribeck law a point near the stop gave the fifth harmonic a noise of 21 %
-    ([4e-3, 6e-3], 0, FEWER),
-    # noise has one size; relative to the motion that of the last points is ten times as large
-    ([6e-3], 2, MEMORYLESS),
-])  # fmt: skip
-def test_noise_of_small_motions_and_harmonics_does_not_make_a_wrong_law_the_best_of_decays(
-    level: list[float], seed: int, rivals: list[rsgen.Law]
-) -> None:
+def test_noise_of_small_motions_and_harmonics_does_not_make_a_wrong_law_the_best_of_decays() -> None:
+    """Along the motion of a Stribeck law a point near the stop gave the fifth harmonic a noise of 21 %."""
     law, values = "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 12000.0, "k3": 4e8, "c": 0.6, "Ff": 0.25}
-    decay = decayed(law, values, 0.5, level, duration=4, rate=2000, seed=seed)
+    decay = decayed(law, values, 0.5, [4e-3, 6e-3], duration=4, rate=2000, seed=0)
+    rivals = named("cubic-spring", "odd-power-spring", "coulomb", "stribeck")
     best = rank(decay, rivals, mass=0.5).candidates[0]
     assert best.name == "cubic-spring + coulomb"
-    assert len(level) == 1 or best.held_out_error < 0.01
+    assert best.held_out_error < 0.01
 
 
 PLUCKED = "k*x + c*v + k3*x**3", {"k": 24674.0, "c": 0.9425, "k3": 1.85e9}, 1.0, [2e-3]
-
-
-def test_a_round_says_of_how_many_points_its_own_were_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
-    table = measured("cubic")
-    law = CandidateLaw("", BASE.elements, ABOUT)
-    # a response that is no part of the others at every level
-    spoil = (np.arange(len(table)) % 25 == 3)[:, None]
-    spoilt = changed(table, harmonics=np.where(spoil, 2.0, 1.0) * table.harmonics)
-    for most, sample in ((500, {"points": len(table)}), (60, {"points": 60, "all": len(table)})):
-        monkeypatch.setattr("rsgen.identification.ranking.reference._MAX_POINTS", most)
-        along = PointTest(spoilt, BASE, ()).along(law, None)
-        assert along is not None
-        (found,) = along.exclusions(along.leader)
-        assert found["excluded"] > 0
-        assert {name: int(found[name]) for name in found.numbers if name != "excluded"} == sample
 
 
 def test_rounds_are_compared_at_the_points_of_all() -> None:
@@ -198,10 +168,6 @@ def test_a_ranking_names_level_and_frequencies_of_the_points_that_it_excludes() 
     assert run["level"] == level
     assert abs(run["low"] - table.frequency[spoil].min()) < 0.3
     assert abs(run["high"] - table.frequency[spoil].max()) < 0.3
-    # the counts of all levels are those of the ranking, and say so: a fit excludes other points
-    assert "comparison" in sentence(run)
-    counted = [f.names for f in ranking.findings if f.code == "points-excluded" and f != run]
-    assert {"by": "ranking"} in counted
 
 
 @pytest.mark.parametrize("fault", ["sign", "sense"])
@@ -214,7 +180,6 @@ def test_a_structure_that_feeds_the_exciter_is_rejected(fault: str) -> None:
     assert "structure-feeds-exciter" in codes(ranking)
     assert ("mass-negative" in codes(ranking)) == (fault == "sign")
     assert "law-fits-best" not in codes(ranking)
-    assert "rejected: " in str(ranking)
 
 
 @pytest.mark.slow
@@ -270,14 +235,6 @@ def test_a_law_that_cannot_be_identified_is_doubted(monkeypatch: pytest.MonkeyPa
     assert sentence(doubt).endswith("cannot be identified by itself: follows none of the points")
 
 
-def test_the_verdict_of_a_ranking_is_that_of_its_best_law() -> None:
-    table = measured("cubic")
-    # one level of another amplifier
-    wrong = changed(table, force=table.force * np.where(table.level == table.levels[-1], 1.02, 1.0))
-    ranking = rank(wrong, CUBIC)
-    assert ranking.best.verdict.state == ranking.verdict.state != "identified"
-
-
 def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() -> None:
     names = (
         "cubic-spring", "joint-polynomial", "odd-power-spring", "cubic-spring + quintic-spring",
@@ -316,6 +273,4 @@ def test_a_law_that_feeds_energy_into_a_decay_is_not_first_where_another_fits(
     # without another one it stays, and is doubted: nothing says to go on with it
     alone = rank(decay, rivals[:1], mass=1.0)
     assert (alone.candidates[0].fault, alone.verdict.state) == ("", "doubtful")
-    (advice,) = ranking_steps(alone, alone.verdict.state)
-    assert "none to go on with" in advice
-    assert "To go on with this law" in ranking_steps(ranking, ranking.verdict.state)[0]
+    assert "none to go on with" in ranking_steps(alone, alone.verdict.state)[0]
