@@ -88,12 +88,12 @@ def each(call, *rows):
     (lambda s, f: rs.identify(s, LAW, fixed={"mass": 1.2}), "the mass is m"),
     (lambda s, f: rs.write_report(5, s, f), "folder: int; must be str or Path"),
     (lambda s, f: rs.Oscillator(0.0, LAW, TRUE), "mass"),
+    (lambda s, f: Model(LAW, mass=-1.0), "mass"),
     (lambda s, f: rs.Oscillator(Model("k*x")), r"mass: Model\('k\*x'\); must be a number \[kg\]"),
     (lambda s, f: rs.Oscillator(1.0, "k*x", {}), "missing k"),
     (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": 1.0, "q": 2.0}), "unknown q"),
     (lambda s, f: rs.Oscillator(1.0, "k*x", {"k": np.nan}), r"values\.k"),
     (lambda s, f: Model([rs.make_element("spring", law) for law in ("k*x", "c*v")]), "spring"),
-    (lambda s, f: Model(()), "none given"),
     (lambda s, f: Model(JENKINS, fixed={"Fs": -1.0}), r"fixed\.Fs: is -1; a number above 0 is needed"),
     (lambda s, f: Model(LAW, mass=2.0, fixed={"m": 1.0}), "mass: 2 kg, and 1 kg in fixed; give it once"),
     (lambda s, f: rs.rank(s, Model(LAW, fixed={"k": 1.0})), "of what is fixed only the mass"),
@@ -114,7 +114,6 @@ def each(call, *rows):
     (lambda s, f: rs.compare_fits([f, f, f], ["a", "b"]), "names: 2 of 3 fits"),
     (lambda s, f: rs.compare(f, TRUE, {"k9": 1e-3}), "k9: not identified; allowed are c, k, m"),
     (lambda s, f: rs.compare(f, {"k": 1.0}, {"c": 1e-3}), "no truth for c"),
-    (lambda s, f: rs.figures.draw_collapse(f, ax=Figure()), "must be matplotlib axes"),
     (lambda s, f: rs.figures.draw_surface(s, ax=Figure().add_subplot()), 'projection="3d"'),
     (lambda s, f: rs.MultisineTest((1.0,), (2, 20), 0.01), r"no line of a period of 0\.01 s is in it"),
     (lambda s, f: rs.MultisineTest((1.0,), (2, 2e3), 200.0, periods=1000), "of all periods; at most"),
@@ -122,19 +121,15 @@ def each(call, *rows):
     (lambda s, f: rs.SweepTest([1], (8, 14), duration=10, rate=100), "rate: 100 Hz; at least 8 t"),
     (lambda s, f: rs.DecayTest([1e-3], duration=1e6, rate=400), "samples of all records; at most"),
     (lambda s, f: rs.simulate(GROWING, rs.DecayTest([1e-2], duration=10, rate=400)), "grows without"),
-    (lambda s, f: rs.SimulatedTest([], [8.0]), "level"),
     (lambda s, f: rs.SimulatedTest([1.0], [-1.0]), "frequency"),
     *each(lambda s, keys: rs.SimulatedTest([1.0], [8.0], **keys),
         ({"control": "none"}, "'force', 'response', 'phase' or 'continuation' is needed"),
-        ({"harmonics": 100}, "1 to 64"), ({"accuracy": 1.0}, "accuracy"),
-        ({"noise_relative": -0.1}, "noise"),
-        ({"lags": (1.0,)}, "phase-locked loop"),
+        ({"harmonics": 100}, "1 to 64"), ({"lags": (1.0,)}, "phase-locked loop"),
         ({"control": "phase", "sweep": "up"}, "finds its frequency"),
         ({"control": "phase", "lags": (90.0,)}, "lags"),
         ({"control": "phase", "base": "acceleration"}, "leave one of them out"),
     ),
     (lambda s, f: rs.Law("k*x*cos(2*w*t)"), "is the time"),
-    (lambda s, f: rs.Law("k*x + ramberg_osgood"), "is a law of the library.*rsgen.laws"),
     (lambda s, f: rs.Law("k*x + cubic-spring"), "is a law of the library.*rsgen.laws"),
     *each(rs.identify,
         ("kx + c*v", r"law 'kx \+ c\*v': kx is one name.* write k\*x"),
@@ -148,7 +143,6 @@ def each(call, *rows):
         ({"sweep": ["left"] * 42}, "sweep"), ({"outcome": np.full(42, 99)}, "outcome"),
     ),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], 1, [1e-3, 2e-3]), "phase_known=False"),
-    (lambda s, f: rs.ResponseSurface(1, [8, 9], 1), "response once"),
     (lambda s, f: rs.ResponseSurface(1, [8, 9], [1, 1, 1], [1j, 1j]), r"force: shape \(3,\)"),
     (lambda s, f: rs.ResponseSurface(1, [[8, 9]], 1, [[1j, 1j]]), r"\(n,\), one row .*; ravel all arguments"),
     (lambda s, f: rs.ResponseSurface([1, 2], [8, 9, 10], *(1j * np.ones((2, 2, 3)))), "np.repeat the levels"),
@@ -163,7 +157,6 @@ def each(call, *rows):
     (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
     (lambda s, f: rs.predict(s, levels=[1]), "must be Identification or ModalTable or Oscillator"),
     (lambda s, f: rs.predict(f, levels=[]), "levels: must be one or more"),
-    (lambda s, f: rs.Oscillator(1, LAW, TRUE | {"k": "5 kN/m"}), "values.k: '5 kN/m'"),
     (lambda s, f: rs.simulate(rs.SimulatedTest([1], [9]), f.oscillator), "oscillator: Sim"),
     (lambda s, f: rs.save_surface(s, "a.h5"), "surface: str"),
     (lambda s, f: rs.load_surface("absent.h5"), "absent.h5: there is no such file"),
@@ -174,13 +167,6 @@ def each(call, *rows):
 def test_a_wrong_argument_is_refused_in_a_sentence(surface, found, call, said):
     with pytest.raises(RsgenError, match=said):
         call(surface, found)
-
-
-def test_the_law_to_derive_is_text_an_element_or_what_has_a_force():
-    spring = "k*x + k3*x**3"
-    oscillator = rs.Oscillator(1.0, spring, {"k": 1.0, "k3": 2.0})
-    for law in (rs.laws["cubic-spring"], rs.Law(spring), rs.make_element("spring", spring), oscillator):
-        assert str(rs.derive(law).stiffness) == "3*X**2*k3/4 + k"
 
 
 def test_a_pickled_result_has_its_residuals_and_says_that_it_has_no_fit_to_profile(found):
@@ -199,8 +185,6 @@ def test_a_misfit_of_the_law_is_not_printed_as_noise(surface, found):
     wrong = str(rs.identify(fundamentals(surface, stiffer), LAW))
     assert "systematic, not noise" in wrong
     assert "noise 1" not in wrong
-    assert ", misfit 1" in wrong
-    assert "%, misfit" in str(found)
 
 
 def test_a_result_is_an_oscillator_and_prints_sentences(found, surface):

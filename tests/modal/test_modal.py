@@ -63,8 +63,6 @@ def test_stiffness_and_damping_of_a_cubic_spring_follow_its_describing_function(
     np.testing.assert_allclose(table.stiffness, K1 + 0.75 * KN1 * X**2, rtol=1e-4)
     np.testing.assert_allclose(table.damping, C1, rtol=2e-4)
     assert X[0] < 0.3 * X[-1]
-    with pytest.raises(AttributeError, match="it has amplitude, frequency"):
-        _ = table.omga
 
 
 def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_damping_alone():
@@ -77,7 +75,6 @@ def test_without_a_mass_phase_resonance_determines_stiffness_per_mass_and_dampin
     assert [finding.code for finding in table.findings] == ["mass-at-resonance"]
     row = next(csv.DictReader(io.StringIO(table.to_csv())))
     assert row["stiffness [N/m]"] == row["lower damping_ratio [1]"] == ""
-    assert "damping_ratio" not in repr(table)
     with pytest.raises(RsgenError, match="give the mass"):
         rsgen.predict(table, [1.0])
     bent = rsgen.modal_table(phase_resonance(X, kn=KN1 * (1 + 100 * X**2)))
@@ -151,14 +148,12 @@ def test_a_held_out_level_is_predicted_without_a_law(level):
 
 def test_a_curve_ends_where_the_table_ends_and_its_peak_is_not_known():
     table = rsgen.modal_table(SURFACE)
-    low, high = table.amplitude[[0, -1]]
     top = SURFACE.levels[-1]
     for level, ends in ((0.9 * top, False), (1.5 * top, True)):
         predicted = rsgen.predict(table, level)
         assert predicted.curves[0].rises_at_end is ends
         assert [found.names["by"] for found in predicted.findings] == ["table"] * ends
-    assert high == pytest.approx(SURFACE.amplitude.max(), rel=0.02)
-    assert low < high
+    assert table.amplitude[-1] == pytest.approx(SURFACE.amplitude.max(), rel=0.02)
 
 
 SIZES, TESTED = np.geomspace(1e-3, 2e-2, 30), (1e-3, 2e-2)
@@ -222,8 +217,6 @@ def test_outside_of_the_points_the_end_rows_continue_without_intervals():
         ends = getattr(table, name)[[0, 0, 0, -1, -1]]
         assert getattr(beyond, name) == pytest.approx(ends, rel=1e-9)
         assert np.isnan(getattr(beyond, f"{name}_upper")).tolist() == [True, True, False, False, True]
-        assert {name, f"{name}_lower"} < set(dir(table))
-    assert "end values continue" in str(beyond)
     # on the flanks of a small level the linear spring is that of the first row
     (curve,) = rsgen.predict(table, [0.05]).curves
     largest = 0.05 / (table.damping[0] * 2 * np.pi * table.frequency[0])
