@@ -105,7 +105,6 @@ def test_a_workbook_in_inches_and_pounds(tmp_path, run_cli, units):
 @pytest.mark.slow
 @pytest.mark.usefixtures("read_here")
 def test_formulas_and_texts_of_sheets_are_said(tmp_path):
-    """A formula may be without the value that Excel stores."""
     book, path = package("openpyxl", "xlsx").Workbook(), tmp_path / "a.xlsx"
     for row in table_of_a_sheet(True)[2:]:
         book.active.append([*row, "1,5" if isinstance(row[0], float) else "comma"])
@@ -266,7 +265,6 @@ def sound(*head: int, data: int | None = None, samples: bytes = bytes(8)) -> byt
 @pytest.mark.parametrize(("content", "reason"), [
     (sound(data=2**32 - 1), "declares 4294967295 bytes of 'data'; 8 are left, so it is cut off"),
     (sound()[:-9], "has no samples, so it is cut off"),
-    (sound()[:30], "declares 16 bytes of 'fmt'; 10 are left"),
     (sound(1, 65535, 1, 1, 1, 16), "65535 channels of 16 bits in 1 bytes"),
     (sound(1, 0, 1, 1, 0, 16), "0 channels of 16 bits"), (sound(1, 1, 0, 0, 2, 16), "a sampling rate of 0"),
     (sound(samples=b""), "0 bytes of samples"), (sound(samples=bytes(7)), "7 bytes of samples, 2 each"),

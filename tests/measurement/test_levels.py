@@ -45,7 +45,6 @@ def of_files(tmp_path: Path, forces: dict[str, Any], sizes: dict[str, float] | N
 
 @pytest.mark.slow
 def test_each_entry_is_a_level(tmp_path):
-    """Eight runs at held amplitudes were grouped by like force into 25 levels."""
     run = np.empty((1, len(HELD)), dtype=[(name, "O") for name in ("f", "F", "X")])
     for place, size in enumerate(HELD):
         run[0, place] = FREQUENCY, force_at(size, FREQUENCY), size * np.exp(1e-3j * np.arange(41))
@@ -92,7 +91,7 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     (LABELS, {"name": "Level{level}.csv"}, AS_MEASURED, INFO),
     (LABELS, {"values": (1, 3, 4)}, AS_MEASURED, DOUBT),
     (LABELS, {"values": (1, 3, 4), "unit": "label"}, AS_MEASURED, INFO),
-    # nominal levels stay where the force falls at the resonance, and so does the level of a run
+    # levels stay where the force falls at the resonance
     ({"2N.csv": 2 * DIP, "5N.csv": 5 * DIP}, {"name": "{level}N.csv"}, [2, 5], {}),
     ({"a.csv": 2 * STEPS, "b.csv": 5 * STEPS}, {}, [2, 5], {}),
     # a unit behind the number in a name is that of the level; a length is no force
@@ -101,7 +100,6 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     ({"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}, {"values": (1, 1.5, 2)}, [1, 1.5, 2], SWAPPED),
     # several records of one level: a * is any part of the name
     ({"rep1_2N_a": 2.0, "rep2_2N_a": 2.02, "rep1_12N_b": 12.0}, {"name": "rep*_{level}N_*"}, [2, 12], {}),
-    ({"2 a.csv": 2.0, "12 b.csv": 12.0}, {"name": "{level}*.csv"}, [2, 12], {}),
     # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
     (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], DOUBT),
     (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], INFO),
