@@ -1,7 +1,6 @@
 """Faults of case files: what is changed in a good case; what is said about it is in ``sentences.json``."""
 
 import json
-import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -44,7 +43,7 @@ HISTORY: dict[str, Any] = {
 
 OF_SIMULATED: list[Changes] = [
     {"accept.k1": 0, "accept.kn9": 0.001, "accept.c1": "small", "titel": "A bad case"},
-    {"test.noise": {"relative": -0.1}}, {"test.noise": 0.01}, {"test.noise_relative": 0.01},
+    {"test.noise": {"relative": -0.1}}, {"test.noise_relative": 0.01},
     {"identify.model": "rank"}, {"test.level": [1, 2, 3]}, {"identify.band": ["9 Hz", "8 Hz"]},
     {"identify.band": ["9 Hz", "8 m"], "system.mass": "0 kg"}, {"identify.background": 1},
     {"identify.calibrated": False}, {"test.harmonics": 65, "test.accuracy": 1.0},
@@ -59,18 +58,16 @@ OF_SIMULATED: list[Changes] = [
     {"element.2.force": "m*v", "truth.c1": GONE}, {"element.2.force": "c1*(v"},
     {"element.2.force": GONE, "element.2.law": "linear-dampr", "printed": GONE, "accept.k1": 0.001},
     {"system.mass": "1.5 m"}, {"system.mass": GONE}, {"name": "CON"},
-    {"printed.stiffness": "k1 + 3/4***X**2"}, {"printed.stiffness": "k1 + 3/4*kn7*X**2"}, {"schema": 2},
-    {"title": "\u202e case"}, {"title": "\x1b[2J case"}, {"title": "x" * 1011}, {"title": 5},
-    {"truth.c1": True}, {"truth.c1": "3.8 N/m"}, {"truth.c1": math.inf}, {"truth": GONE},
-    {"truth.c1": "3.8 parrots"},
+    {"printed.stiffness": "k1 + 3/4*kn7*X**2"}, {"schema": 2}, {"title": "\u202e case"},
+    {"title": "x" * 1011}, {"title": 5}, {"truth.c1": True}, {"truth.c1": "3.8 N/m"}, {"truth": GONE},
     {
         "element.1.force": "k1*x + a*b*x**2", "printed": GONE, "truth.kn1": GONE, "truth.a": "2 N",
         "truth.b": "3 m",
     },
-    {"truth.kn2": 1}, {"truth.c1": "3.8"},
+    {"truth.kn2": 1},
     {"name": "a/b", "system.mass": 0, "truth.kn1": GONE}, {"element.2.forse": "x"},
     {"system.mass_error": "1 g"}, {"system.mass": {"value": "1.5 kg", "error": "15 g"}},
-    {"system.mass": "1.5 kg ± 15 g"}, {"system.mass": "1.5 kg +- 1 %"},
+    {"system.mass": "1.5 kg ± 15 g"},
     {"test.frequency": GONE, "test.frequncy": {"start": 7, "stop": 13, "count": 5}},
     *(
         {"element.2.force": "c1*v + z", "element.2.memory": memory, "truth.a": 1.0, "truth.b": 1.0}
@@ -79,7 +76,6 @@ OF_SIMULATED: list[Changes] = [
             {"z": "a*v - b*abs(v)*z + y"}, {"z": "a*b"}, {"z": "b*(-v)**a"}, {"z": "b*masing(a*x)"},
         )
     ),
-    {"element.2.force": "c1*v + z"},
     {"element.2.memory": {"z": "v"}, "element.2.law": "linear-damper", "element.2.force": GONE},
     {"element.2.force": "c1*v + z", "element.2.memory": {"z": "a*v - abs(v)*z/b"}}
     | {"truth.a": 1.0, "truth.b": 1.0, "truth.z": 1.0},
@@ -93,15 +89,12 @@ OF_TABLE: list[Changes] = [
     {"element.2.across": "tip - root"}, {"test.calibrated": False}, {"test.file": "/etc/passwd"},
     {"accept": {"k1": 0.001}}, {"test.frequency.column": 0},
     {"test.layout": {"delimiter": ",", "decimal": ","}}, {"test.format": "xls"},
-    {"test.response.imaginary": GONE},
     {"test.force": GONE, "test.base": {"quantity": "acceleration", "unit": "m/s^2"}},
     {"test.file": ["a.csv", "b.csv"], "test.sha256": "0" * 64}, {"test.level": {"column": 5, "value": "1 N"}},
     {"test.level": {"name": "run.csv"}},
     {"test.file": ["a.csv", "b.csv"], "test.level": {"values": [1, 2, 3]}}, {"test.frequency": GONE},
-    {"test.response": GONE, "test.recponse": {"quantity": "velocity"}},
     {"test.response.real": GONE, "test.response.imaginary": GONE, "test.response.amplitude": 3},
     {"test.response.phase_sense": GONE}, {"test.force.amplitude": GONE, "test.force.nominal": True},
-    {"test.file": "../data.csv"},
     {
         "test.response.real": GONE, "test.response.phase_sense": "lag", "test.response.imaginary": GONE,
         "test.response.amplitude": 3, "test.response.phase": 4, "test.response.phase_known": False,
@@ -118,12 +111,11 @@ OF_TABLE: list[Changes] = [
 OF_HISTORY: list[Changes] = [
     {"test.demodulation": {"band": [9, 8]}},
     {"system": GONE, "test.excitation": "ring-down", "test.force": GONE}, {"test.time": GONE},
-    {"system": {"mass": "310 +- 5 g"}, "test.excitation": "ring-down", "test.force": GONE},
     {"test.response.scale": "rms"},
     {"test.level": {"values": [1], "unit": "label"}, "identify": {"hold_out": ["0.6 V", "600 mV"]}},
     {"test.level": {"values": ["0.5 V"]}, "identify": {"hold_out": ["1.5 V"], "predict": ["4 V"]}},
     {"test.level": {"values": [1], "unit": "label"}, "identify": {"predict": [4]}},
-    {"test.level": {"values": [1], "unit": "V"}}, {"test.sweep": {"direction": "down"}},
+    {"test.sweep": {"direction": "down"}},
     {"test.level": {"values": ["3 N"]}, "test.excitation": "ring-down", "test.force": GONE},
     {"test.excitation": "ring-down", "test.force": GONE, "identify": {"hold_out": ["40 mm"]}},
     {

@@ -33,13 +33,9 @@ IWAN4 = (
         "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))", {},
         {"linear": "k4 k5", "odd": True, "rough": True, "jumps": False},
     ),
-    ("Piecewise((k6*x, x > 0), (k7*x, True))", {}, {"linear": "k6 k7", "odd": False, "jumps": False}),
-    ("cn*v*abs(v) + k*x", {}, {"linear": "cn k", "odd": True, "rough": False, "jumps": False}),
-    ("kp*abs(x)**q*sign(x)", {}, {"linear": "kp", "odd": True, "rough": False, "jumps": False}),
     ("A*tanh(v/w) + k*x", {}, {"linear": "A k", "odd": True, "rough": False, "positive": ""}),
     # near a zero of high order round-off is all there is
     ("k*(x - b)**7 + c*v", {}, {"linear": "c k", "scaled": []}),
-    ("Piecewise((k*(x - 1)**5, x > 1), (0, True))", {}, {"linear": "k", "scaled": []}),
     ("a*b*x + c*v", {}, {"linear": "a c", "scaled": []}),
     ("Ff*tanh(v/w) + k**2*x", {}, {"linear": "Ff", "scaled": []}),
     # groups of degree one, also beside numbers that hide what a parameter does
@@ -47,7 +43,6 @@ IWAN4 = (
     (f"k*x + {SATURATION}", {}, {"scaled": ["Fm ks"]}),
     ("k*x + Max(0, ks*(x - b))", {}, {"scaled": ["ks"]}), (f"k*x + kg*{SATURATION}", {}, {"scaled": []}),
     ("k*x + Max(0, ks*x - 500)", {}, {"scaled": []}),
-    ("k*x + Fm*tanh(ks*x/Fm) + kp*abs(x)**q*sign(x)", {}, {"scaled": ["Fm ks"]}),
     # of two factors of one loop one is linear; alpha of Bouc and Wen for one sign only
     # signs that a virgin curve leaves: both signs of F are one curve, a power below zero is one of the model
     (
@@ -67,16 +62,10 @@ IWAN4 = (
         "k*x + s0*z + s1*v", LUGRE,
         {"linear": "k s1", "scaled": ["Fc Fs s0"], "odd": True, "rough": True, "springs": True},
     ),
-    (
-        "z", {"z": "sigma*v*(1 - z/Fc*sign(v))"},
-        {"linear": "", "scaled": ["Fc sigma"], "odd": True, "rough": True, "springs": False},
-    ),
-    ("k*x + z", MAXWELL, {"linear": "k k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
     ("q*z + x", MAXWELL, {"linear": "k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
     ("k*x + k2*x**2 + structural(h)", {}, {"linear": "h k k2", "odd": False, "springs": True}),
     ("masing(Min(1500*x, F1)) + masing(Min(1500*x, F2))", {}, {"positive": "F1 F2"}),
-    ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}), ("masing(F*tanh(k*x/F))", {}, {"positive": "k"}),
-    (f"R*{IWAN4}", {}, {"positive": "b"}),
+    ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}), (f"R*{IWAN4}", {}, {"positive": "b"}),
 ])  # fmt: skip
 def test_what_kind_of_law_it_is(text, memory, expected):
     force = with_memory(parse(text), memory) if memory else parse(text)
@@ -136,8 +125,7 @@ def test_values_of_two_sliders_have_the_order_of_their_names():
 
 
 @pytest.mark.parametrize(("text", "codes"), [
-    ("k*x + z", {"constant-force"}), ("k*x + 2*F0", {"constant-force"}),
-    ("k*x + c*xdot", {"constant-force"}), ("k*x + c*v + Ff*sign(v)", set()),
+    ("k*x + z", {"constant-force"}), ("k*x + 2*F0", {"constant-force"}), ("k*x + Ff*sign(v)", set()),
     ("k*x + m3*x**2*a + c2*vx*abs(v)", {"parameter-not-variable"}),
     ("k*x + c*v + Ff*abs(V)", {"parameter-not-variable", "constant-force"}),
     # coefficients, and what a function scales
