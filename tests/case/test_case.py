@@ -22,32 +22,17 @@ from rsgen.common.errors import CaseError, RsgenError
 from rsgen.formula.names import check_name
 from rsgen.formula.printing import write as write_formula
 from tests.case.faults import FAULTS, SENTENCES
-from tests.case_files import MEASURED, write_small
+from tests.case_files import GONE, MEASURED, SMALL, changed, write_small
 from tests.surfaces import codes
 
 ROOT = Path(__file__).parents[2]
 CASES = sorted((ROOT / "cases").glob("*.toml"), key=lambda path: path.stem)
 FORMATS = sorted((ROOT / "cases" / "formats").glob("*.toml"), key=lambda path: path.stem)
-GOOD = """\
-schema = 1
-name = "good"
-title = "A good case"
-system.mass = "1.5 kg"
-test.kind = "simulated"
-test.level = {{ start = 1, stop = 12, count = 4 }}
-test.frequency = {{ start = 7, stop = 13, count = 5 }}
-
-[[element]]
-name = "spring"
-force = "{force}"
-
-[truth]
-{truth}
-"""
 
 
 def good(force: str = "k*x", truth: str = "k = 5920") -> str:
-    return GOOD.format(force=force, truth=truth)
+    element = [{"name": "spring", "force": force}]
+    return changed(SMALL, {"element": element, "truth": GONE}) + f"[truth]\n{truth}\n"
 
 
 def write(folder: Path, text: str, name: str = "case.toml") -> Path:
@@ -132,17 +117,19 @@ def test_no_file_no_regular_file_too_large(tmp_path):
 
 
 def test_byte_order_mark_and_windows_line_ends_are_read(tmp_path):
-    assert load_case(write(tmp_path, "\ufeff" + good().replace("\n", "\r\n"))).name == "good"
+    assert load_case(write(tmp_path, "\ufeff" + good().replace("\n", "\r\n"))).name == "small"
 
 
 def test_memory_is_declared_beside_the_force_or_comes_with_a_law(tmp_path, monkeypatch):
     formula = "a*v - b*abs(v)*z - d*v*abs(z)"
     library = Law("c*v + z", "joint-law", memory={"z": formula})
     monkeypatch.setattr("rsgen.cases.loading.laws", {"joint-law": library})
-    other = """\n[[element]]\nname = "joint"\nlaw = "joint-law"\nparameters = { a = "a2", z = "w" }\n"""
-    text = good(force="k1*x + z", truth="k1 = 1\na = 1\na2 = 1\nb = 1\nc = 1\nd = 1\n")
-    text = text.replace('z"\n', f'z"\nmemory = {{ z = "{formula}" }}\n{other}', 1)
-    spring, joint = load_case(write(tmp_path, text)).model.elements
+    elements = [
+        {"name": "spring", "force": "k1*x + z", "memory": {"z": formula}},
+        {"name": "joint", "law": "joint-law", "parameters": {"a": "a2", "z": "w"}},
+    ]
+    truth = dict.fromkeys(("k1", "a", "a2", "b", "c", "d"), 1)
+    spring, joint = load_case(write_small(tmp_path, element=elements, truth=truth)).model.elements
     assert spring == make_element("spring", "k1*x + z", {"z": formula})
     assert joint == make_element("joint", "c*v + w", {"w": formula.replace("a*", "a2*").replace("z", "w")})
     for element in (spring, joint):
@@ -195,7 +182,7 @@ _SITUATIONS = {f"path-{number:03d}" for number in (22, 23, 29, 31, 32, 33, 34, 3
 def test_hostile_paths(tmp_path, entry):
     text = entry.get("input", "")
     assert path_fault(text)
-    faults = refused(write(tmp_path, good().replace('"good"', json.dumps(text))))
+    faults = refused(write(tmp_path, good().replace('"small"', json.dumps(text))))
     assert "name: " in faults[0] or "TOML" in faults[0]
 
 

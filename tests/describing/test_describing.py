@@ -111,11 +111,9 @@ def errors_of(law, values, X, omega, mean, stiffness, damping):
 @pytest.mark.parametrize("law", [
     "k*x + (Fc + (Fs - Fc)*exp(-abs(v)/vs))*sign(v) + c*v", "k*x + kc*Max(0, x - b)",
     "k*x + kc*Max(0, x - b)**1.5", "k*x + kc*Max(0, x + b)**1.5 - F0",
-    "k*x + ks*(Max(0, x - b1) + Min(0, x + b2))", "x**2 + x + x**3",
     "k*x + F*(1 - exp(-abs(x)/a))*sign(x)", "k*tan(x/4)", "k*log(1 + abs(x)/a)*sign(x)",
     "(x**2 - 1)*v + x", "k*x + Max(0, x - b)*v*c", "k*x + mu*abs(x)*tanh(v/w)", "k*x/sqrt(1 + (x/a)**2)",
     "k*x + F*sign(v - w)", "k*x + c*Max(0, v)**2 - c2*Max(0, -v)**2", "k*x + Max(k*x, F*v)",
-    "k*x + g*exp(a*x)", "k*(x + x**3)*sign(v) + x", "k*x + k2*x*cos(x)**2", "k*sinh(x/a)*cosh(x/a)",
     "k*x - F/(4 - x)**2", "k*x + F*Heaviside(v - 2*x**2 - 0.9)",
     "k*x + Piecewise((F, x*x > v), (3*v, True))",
 ])  # fmt: skip
@@ -158,7 +156,14 @@ def _grow(inner):
 FORCE = st.recursive(LEAF, _grow, max_leaves=7)
 
 
-def check_random_law(law, signs):
+SIZES = st.tuples(*[st.sampled_from((0.37, 0.81, 1.3, 1.9, -0.6, -1.4))] * 4)
+QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
+
+
+@pytest.mark.slow
+@settings(suppress_health_check=QUIET)
+@given(law=FORCE, signs=SIZES)
+def test_random_laws(law, signs):
     try:
         derived = derive(law)
     except RsgenError:
@@ -175,17 +180,6 @@ def check_random_law(law, signs):
             continue
         errors = errors_of(law, values, X, 1.3, *numbers)
         assert errors is None or errors[0] < AGREES, (law, values, X, errors)
-
-
-SIZES = st.tuples(*[st.sampled_from((0.37, 0.81, 1.3, 1.9, -0.6, -1.4))] * 4)
-QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
-
-
-@pytest.mark.slow
-@settings(suppress_health_check=QUIET)
-@given(law=FORCE, signs=SIZES)
-def test_random_laws(law, signs):
-    check_random_law(law, signs)
 
 
 @pytest.mark.parametrize(("law", "values"), [
@@ -265,11 +259,6 @@ def test_an_element_that_others_move_off_centre_has_the_mean_in_its_formulas():
     assert "all elements" in " ".join(function.remarks)
     damper = make_element("damper", "c*v")
     assert (str(derive_off_centre(damper).damping), derive_off_centre(damper).remarks) == ("c", ())
-
-
-def test_a_spring_that_moves_its_mean_says_what_a_formula_about_zero_mean_leaves_out():
-    (said,) = derive("Piecewise((k1*x, x > 0), (k2*x, True))").remarks
-    assert "Eq. (22)), leaves it out" in said
 
 
 def test_text_names_only_the_variables_that_occur(run_cli):

@@ -46,11 +46,6 @@ TABLE = (
         "F*(sign(v - w) + sign(v + w))/2", "0",
         "Piecewise((0, omega*X <= w), (4*F/(pi*omega*X)*sqrt(1 - (w/(omega*X))**2), True))", OWN, True,
     ),
-    (
-        "k*(Max(0, x - b) + Min(0, x + b)) + k*(Max(0, x - 2*b) + Min(0, x + 2*b))",
-        f"Piecewise((0, X <= b), (k - 2*k/pi*{GAP}, True))"
-        f" + Piecewise((0, X <= 2*b), (k - 2*k/pi*{GAP.replace('b', '(2*b)')}, True))", "0", OWN, True,
-    ),
     ("F*atan(a*x)", "2*F*(sqrt(1 + a**2*X**2) - 1)/(a*X**2)", "0", OWN, False),
     ("k*x/(1 + (a*x)**2)", "2*k*(1 - 1/sqrt(1 + a**2*X**2))/(a*X)**2", "0", OWN, False),
     ("k*a*x/sqrt(abs(a*x))", "2*k*sqrt(a/X)*gamma(5/4)/(sqrt(pi)*gamma(7/4))", "0", GELB, True),
@@ -114,7 +109,7 @@ def test_element_takes_names_of_parameters():
 # force at the example values with b = 1 and all stiffnesses 1 where nothing else is said
 @pytest.mark.parametrize(("name", "x", "v", "wanted"), [
     ("dead-zone", 0.9, 0, 0), ("dead-zone", -1.5, 0, -0.5), ("one-sided-stop", 1.5, 0, 2.0),
-    ("one-sided-stop", -1.5, 0, -1.5), ("two-sided-stop", -2.5, 0, -3.0), ("two-sided-stop", 1.5, 0, 2.0),
+    ("one-sided-stop", -1.5, 0, -1.5), ("two-sided-stop", -2.5, 0, -3.0),
     ("piecewise-spring", -2, 0, -4.0), ("bilinear-spring", -2, 0, -4.0), ("saturation", -7, 0, -1.0),
     ("preload", -2, 0, -3.0), ("stribeck", 0, -50, -1.0), ("stribeck", 0, 1e-9, 2.0),
     ("stribeck-gauss", 0, 9, 1.0), ("tanh-joint", 50, 0, 16.0), ("van-der-pol", 2, 3, 9.0),

@@ -201,7 +201,6 @@ def test_no_movement_of_the_resonance_is_stated_where_the_band_ends_before_it():
 
 
 def test_a_force_that_falls_near_the_resonance_moves_no_resonance():
-    """Of a shaker without control a dip of the force was told as a resonance that moves."""
     levels, frequency = np.repeat([1.0, 5.0], 61), np.tile(np.linspace(8, 12, 61), 2)
     omega = 2 * np.pi * frequency
     dip = np.where(levels > 1, 0.5 * np.exp(-(((frequency - 9.9) / 0.3) ** 2)), 0.0)

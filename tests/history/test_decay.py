@@ -284,19 +284,13 @@ def test_a_decay_begins_where_a_structure_held_displaced_is_let_go(start: float 
     omega, X = 2 * np.pi * found.frequency[0], found.amplitude[0]
     assert X > 5.0e-3
     assert found.damping[0] == pytest.approx(0.6 + 4 * 0.25 / (np.pi * omega * X), rel=0.01)
-    # the step of a hold is not the line of the mode, nor that of one whose damping is high when it is large
+    # the step of a hold is not the line of a mode whose damping is high when it is large
     x = np.full(round(3.3 * RATE), 0.045)
     dragged, _ = integrated(lambda x, v: 700 * x - 1.1e5 * x**3 + 0.1 * v + 3.4 * v * abs(v), 1.0, 0.045, 40)
     x = np.concatenate([x, dragged]) + 2e-5 * np.random.default_rng(0).standard_normal(len(x) + len(dragged))
     found = followed(x, mass=1.0, start=start)
     assert only(found, "decay-taken")["begin"] == pytest.approx(3.3, abs=3e-3)
     assert found.frequency[-1] == pytest.approx(np.sqrt(700) / 2 / np.pi, rel=2e-3)
-    pace = 0.003 * 2 * np.pi * 10
-    x = 3e-3 * np.concatenate([np.ones(round(2 * RATE)), free(pace, 28)]) + 1e-4
-    x += 1e-6 * np.random.default_rng(0).standard_normal(len(x))
-    found = followed(x, mass=1.0)
-    assert only(found, "decay-taken")["begin"] == pytest.approx(2.0, abs=2e-3)
-    assert found.damping[0] == pytest.approx(2 * pace, rel=2e-3)
 
 
 def test_points_near_rest_are_left_out_and_counted() -> None:
@@ -437,7 +431,6 @@ def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_name
     ("k*x + c*v", {}, False), ("k*x + c*v + k3*x**3", {}, True), ("k*x + c*v + k3*x**3", {"k3": 1e4}, False),
 ])  # fmt: skip
 def test_that_nothing_checks_the_size_of_a_decay_is_said_where_values_depend_on_it(law, fixed, said) -> None:
-    """An acceleration read as a displacement was "identified" with a cubic term twice its size."""
     motion = 1e-3 * free(0.4, 20) + 1e-7 * np.random.default_rng(0).standard_normal(10000)
     surface = from_free_decay(TimeHistory(RATE, None, motion), mass=1.0)
     verdict = rsgen.identify(surface, law, mass=1.0, fixed=fixed).verdict
@@ -459,16 +452,6 @@ def test_levels_of_decays_are_labels() -> None:
     assert held.level == surface.levels[1]
 
 
-@pytest.mark.parametrize("band", [None, (7, 13)])
-def test_a_motion_that_grows_slowly_is_no_decay(band):
-    """It was refused as one that does not move, or the noise at its end was followed."""
-    time = np.arange(0, 8, 1 / 400)
-    motion = 1e-3 * np.exp(0.2 * time) * np.cos(2 * np.pi * 10 * time + 2)
-    motion += 5e-6 * np.random.default_rng(1).normal(size=len(time))
-    with pytest.raises(RsgenError, match=r"near 10 Hz grows and does not fall"):
-        from_free_decay(TimeHistory(400.0, None, motion), mass=1.0, band=band)
-
-
 @pytest.mark.parametrize("noise", [0.0, 0.005])
 def test_a_growing_motion_and_noise_are_no_decay(noise):
     with pytest.raises(RsgenError, match="does not fall as a free decay does"):
@@ -476,8 +459,10 @@ def test_a_growing_motion_and_noise_are_no_decay(noise):
     # a record read backwards grows; to its last zero
     motion = free(0.4, 20.025, rate=400)[:9:-1]
     motion = motion + noise * np.random.default_rng(1).normal(size=len(motion))
-    with pytest.raises(RsgenError, match=r"near 10 Hz grows and does not fall"):
-        followed(motion, rate=400)
+    for growing in (motion, free(-0.2, 8, rate=400)):
+        for band in (None, (7, 13)):
+            with pytest.raises(RsgenError, match=r"near 10 Hz grows and does not fall"):
+                followed(growing, rate=400, band=band)
     # a decay before it is one
     both = np.concatenate([free(0.4, 20, rate=400), motion])
     assert len(from_free_decay(TimeHistory(400.0, None, both), mass=1.0)) > 10

@@ -36,7 +36,6 @@ DRIVES = pytest.mark.parametrize(("reader", "force"), [("stepped", STEPS), ("swe
 @DRIVES
 @pytest.mark.parametrize(("noise", "offset"), [(0.01, 0.6), (0.03, 0.0)])
 def test_an_ordinary_test_is_not_doubted(reader: str, force: np.ndarray, noise: float, offset: float) -> None:
-    """The offset of an accelerometer on the base counted as power that drives the structure, too."""
     x = response_to(force)
     history = TimeHistory(RATE, force + offset + noise * RANDOM[0], x + noise * np.std(x) * RANDOM[1])
     found = severities(READERS[reader](history))

@@ -91,12 +91,8 @@ LABORATORIES = {
         "Linear [Hz]", "FORC:1:+Z", called("WING:{}:+Z", "1", "2", "17"),
         ("Real {} [{}]", "Imaginary {} [{}]"), "m/s²",
     ),
-    "german": Titles(
-        "Frequenz [Hz]", "Kraft", called("Beschl. {}", "1", "2"), ("{} [{}]", "Phase {} [°]"), "m/s²",
-    ),
     "din": Titles("f/Hz", "F", called("X{}", "1", "2"), ("|{}|/{}", "arg({})/deg"), "mm", delimiter=","),
     "script": Titles("freq_hz", "f", called("a{}", "1", "2", "3"), ("{}_re_{}", "{}_im_{}"), delimiter=","),
-    "other script": Titles("f_Hz", "F", called("x{}", "1", "2"), ("{}_{}", "phase_{}_deg"), "mm"),
     "camels": Titles("freqHz", "force", called("acc{}", "Tip", "Root"), ("{}Amp [{}]", "{}Phase [deg]")),
 }  # fmt: skip
 
@@ -159,7 +155,6 @@ def test_a_driven_base_is_recognised(tmp_path, base, mass, seed):
     ("shaker,tip", "force", True), ("shaker [V],tip [g]", "force", True), ("f,tip", "force", True),
 ])  # fmt: skip
 def test_a_base_is_told_by_its_name_where_no_unit_stands(tmp_path, titles, driven, asked):
-    """A shaker without a unit may stand for its force or voltage."""
     rows = "\n".join(f"{i / 100},{np.sin(i)},{np.cos(i)}" for i in range(40))
     path = tmp_path / "a.csv"
     path.write_text(f"t [s],{titles}\n{rows}\n", encoding="utf-8")
@@ -170,28 +165,21 @@ def test_a_base_is_told_by_its_name_where_no_unit_stands(tmp_path, titles, drive
     assert found.doubts.get(f"test.{driven}.{key}", "").startswith(TODO) is asked
 
 
-def test_a_phase_of_another_channel_is_never_taken(tmp_path):
+@pytest.mark.parametrize(("head", "phase", "place", "said"), [
+    # the phase of x1 was not recorded; two directions are no real and imaginary part
+    ("f [Hz],F [N],x1 [g],x2 phase [deg]", None, "amplitude", "left out: x2 phase [deg]"),
+    ("f_Hz,F_N,x1_g,y1_g,phase_deg", "phase_deg", "phase", "y1_g"),
+])  # fmt: skip
+def test_a_phase_or_a_part_of_another_channel_is_never_taken(tmp_path, head, phase, place, said):
     def values(level: float) -> tuple[np.ndarray, ...]:
-        return np.abs(force(level)), *polar(acceleration("one", level))
+        size, turn = polar(acceleration("one", level))
+        return np.abs(force(level)), size, *([0.6 * size] if phase else []), turn
 
-    # that of x1 was not recorded
-    path = write_table(tmp_path / "a.csv", "f [Hz],F [N],x1 [g],x2 phase [deg]", values)
-    tables, _surface, doubts = read_draft(path)
-    assert tables["response"]["amplitude"] == "x1 [g]"
-    assert "phase" not in tables["response"]
-    assert tables["response"]["phase_known"] is False
-    assert "left out: x2 phase [deg]" in doubts["test.response.amplitude"]
-
-
-def test_two_directions_are_no_real_and_imaginary_part(tmp_path):
-    def values(level: float) -> tuple[Any, ...]:
-        size, phase = polar(acceleration("one", level) / force(level) * level)
-        return level, size, 0.6 * size, phase
-
-    path = write_table(tmp_path / "a.csv", "f_Hz,F_N,x1_g,y1_g,phase_deg", values)
-    tables, _surface, doubts = read_draft(path)
-    assert (tables["response"]["amplitude"], tables["response"]["phase"]) == ("x1_g", "phase_deg")
-    assert "y1_g" in doubts["test.response.phase"]
+    tables, _surface, doubts = read_draft(write_table(tmp_path / "a.csv", head, values))
+    response = tables["response"]
+    assert (response["amplitude"], response.get("phase")) == (head.split(",")[2], phase)
+    assert response.get("phase_known", True) is bool(phase)
+    assert said in doubts[f"test.response.{place}"]
 
 
 @pytest.mark.parametrize("order", ["{} H{} [N]", "{} {}f [N]", "{} harm. {} [N]"])

@@ -18,10 +18,6 @@ SATURATION = "Max(-Fm, Min(ks*x, Fm))"
 BOUC_WEN = {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}
 LUGRE = {"z": "v - s0*abs(v)/(Fc + (Fs - Fc)*exp(-(v/w)**2))*z"}
 MAXWELL = {"z": "k1*v - z/tau"}
-IWAN4 = (
-    "masing(Piecewise((x*b**(q + 1)/(q + 1) - x**(q + 2)/((q + 1)*(q + 2)), x < b), "
-    "(b**(q + 2)/(q + 2), True)))"
-)
 
 
 # what is said: names of parameters as words, groups of them as a list
@@ -65,7 +61,8 @@ IWAN4 = (
     ("q*z + x", MAXWELL, {"linear": "k1", "scaled": [], "odd": True, "rough": False, "springs": True}),
     ("k*x + k2*x**2 + structural(h)", {}, {"linear": "h k k2", "odd": False, "springs": True}),
     ("masing(Min(1500*x, F1)) + masing(Min(1500*x, F2))", {}, {"positive": "F1 F2"}),
-    ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}), (f"R*{IWAN4}", {}, {"positive": "b"}),
+    ("Fs*masing(Min(x/xs, 1))", {}, {"positive": "xs"}),
+    (rsgen.laws["iwan4"].formula, {}, {"positive": "phimax"}),
 ])  # fmt: skip
 def test_what_kind_of_law_it_is(text, memory, expected):
     force = with_memory(parse(text), memory) if memory else parse(text)

@@ -139,11 +139,8 @@ def test_time_histories_are_added_shifted_and_taken_across(tmp_path):
     ({"test.force": {"channels": "wing"}}, "made of forces"),
     ({"test.force.file": ["a.csv", "b.csv"]}, "test.force.file: 2 for 1 files"),
     ({"test.force": {"nominal": True, "real": 2, "imaginary": 3}}, "test.force.real: .* nominal"),
-    ({"test.channels": GONE, "test.response": parts(4, "force")}, "quantity: is 'force'; 'displ"),
     ({"test.channels": GONE, "test.response": parts(4, "velocity", nominal=True)}, "nominal: is true; only"),
     ({"element": MOUNTED["element"], "element.2.across": "payload - tail"}, "tail: no such channel"),
-    ({"test.base": {"response": "relative", "channels": "wing"}}, "leave one"),
-    ({"test.force": GONE}, "force: is missing"),
     ({"test.channels": GONE, "test.response": parts(4)}, "quantity: is missing"),
 ])  # fmt: skip
 def test_what_does_not_fit_is_said(tmp_path, changes, said):

@@ -27,7 +27,6 @@ from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.sandbox import read_binary
 from rsgen.files.signals import Channel
 from rsgen.files.tree import LARGEST_BYTES, find
-from tests.attacks.good_files import SAMPLES, good
 from tests.attacks.test_readers import refusal
 from tests.attacks.traps_recorders import CELL, with_sheet
 from tests.measurement.tables import planned
@@ -287,24 +286,12 @@ LAUGHS = b'<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">' + b"".join(
     ({"body": CELL % (10**15, b"A1")}, "more than 1048576 rows"),
     ({"body": b"".join(CELL % (n, b"ZZZ%d" % n) for n in range(1, 2000))}, "20000000 cells in a"),
     ({"before": LAUGHS, "body": b'<row r="1"><c r="A1"><v>&a8;</v></c></row>'}, ""),
-    ({"body": b"<row", "end": b""}, ""),
-], ids=["bomb", "row", "cells", "entities", "cut off"])  # fmt: skip
+], ids=["bomb", "row", "cells", "entities"])  # fmt: skip
 def test_workbooks_that_lie(tmp_path, how, reason):
     package("openpyxl", "xlsx")
     path = tmp_path / "a.xlsx"
     path.write_bytes(with_sheet(tmp_path, **how))
     assert re.search(reason, refusal(lambda: list_contents(path), 10.0))
-
-
-@pytest.mark.parametrize("count", [2**20, 2**63 - 1])
-def test_a_tdms_file_that_declares_more_than_it_has(tmp_path, count):
-    package("nptdms", "tdms")
-    # the number of values behind the kind of number and the dimension
-    honest, path = struct.pack("<IIQ", 10, 1, SAMPLES), tmp_path / "a.tdms"
-    content = good("tdms", tmp_path)
-    assert honest in content
-    path.write_bytes(content.replace(honest, struct.pack("<IIQ", 10, 1, count)))
-    refusal(lambda: array(path, "record/u"), 10.0)
 
 
 def test_a_complex_matrix_a_run_has_its_frequencies_with_imaginary_parts_of_zero(tmp_path, run_cli):

@@ -81,7 +81,6 @@ SWAPPED = {"levels-swapped": "doubt"}
 DIP = 1 - 0.6 * np.exp(-((FREQUENCY - 10) ** 2))
 STEPS = np.where(np.abs(FREQUENCY - 10) < 0.5, 0.7, 1.0)
 HALF = {"2N.csv": 1.01, "6N.csv": 3.03}
-GRAVITY = {"1N.csv": 9.81, "3N.csv": 29.4}
 LABELS = {"Level1.csv": 4.8, "Level3.csv": 28.8, "Level4.csv": 58.0}
 AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4.99}
 
@@ -100,11 +99,13 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     ({"a.csv": 1.5, "b.csv": 1.0, "c.csv": 2.0}, {"values": (1, 1.5, 2)}, [1, 1.5, 2], SWAPPED),
     # several records of one level: a * is any part of the name
     ({"rep1_2N_a": 2.0, "rep2_2N_a": 2.02, "rep1_12N_b": 12.0}, {"name": "rep*_{level}N_*"}, [2, 12], {}),
+    # of two numbers the one with a unit is the level
+    ({"run3_2N_rep_4_a": 2.0, "run4_3N_rep_1_a": 3.0}, {"name": "run*_{level}*"}, [2, 3], {}),
+    ({"2.5kN": 2500, "0p5kN": 500, "4,5kN": 4500}, {"name": "{level}kN", "factor": 1e3},
+     [500, 2500, 4500], {}),
     # half a bridge: every force is 0.505 of its level; where no unit is said the numbers may be volts
     (HALF, {"name": "{level}N.csv"}, [1.01, 3.03], DOUBT),
     (HALF, {"name": "{level}N.csv", "unit": "label"}, [1.01, 3.03], INFO),
-    (GRAVITY, {"name": "{level}N.csv"}, [9.81, 29.4], DOUBT),
-    ({"2V.csv": 1.01, "6V.csv": 3.03}, {"name": "{level}V.csv"}, [1.01, 3.03], INFO),
     # whole numbers may count runs, the highest first; with a unit they are amounts
     ({"r1.csv": 4, "r2.csv": 3, "r3.csv": 2}, {"name": "r{level}.csv", "unit": "label"}, [2, 3, 4], INFO),
     ({"1V": 4, "2V": 3, "3V": 2}, {"name": "{level}V", "unit": "label"}, [2, 3, 4], INFO | SWAPPED),
@@ -117,15 +118,12 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
     surface = read_measurement(of_files(tmp_path, forces, level=LevelRule(**rule)))
     np.testing.assert_allclose(surface.levels, levels)
     assert severities(surface) == said
-    if forces is GRAVITY:
-        assert "nearly a factor of 9.81, as g read as m/s^2" in sentence(surface.findings[0])
     if forces is HALF:
         (found,) = surface.findings
         # of what the case calls labels no ratio: their unit, as volts, may not be one of forces
         assert ("ratio" in found.numbers) == (rule.get("unit") != "label")
         for times in ("0.505 times as much at all levels", "nearly a factor of 2, as"):
             assert (times in sentence(found)) == (said == DOUBT)
-        # to call them labels, first, made a law of volts "identified"
         assert next_step(found).startswith("Look for a wrong unit of the force, a sensitivity")
 
 
@@ -139,6 +137,12 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
 def test_levels_that_cannot_be_are_refused(rule, said):
     with pytest.raises(RsgenError, match=said):
         planned((Path("1V"), Path("2V")), force=None, level=LevelRule(**rule))
+
+
+def test_of_two_numbers_in_a_name_either_may_be_the_level(tmp_path):
+    test = of_files(tmp_path, {"run3_2_rep_4_a": 2.0}, level=LevelRule(name="run*_{level}*"))
+    with pytest.raises(RsgenError, match=r"2 or 4 may be the level .* such as its unit"):
+        read_measurement(test)
 
 
 def test_a_force_that_was_held_is_no_held_response(tmp_path):

@@ -128,21 +128,6 @@ def test_entries_must_have_every_column(tmp_path):
     assert read_measurement(test).force.real.tolist() == [1, 1, 2, 2, 10, 10]
 
 
-@marked
-def test_level_stands_in_the_name(tmp_path):
-    def force(file: str, **rule: Any) -> float:
-        np.savez(tmp_path / file, f=[1.0], x=[4.0])
-        plan = planned(tmp_path / file, "f", None, "x", level=LevelRule(**rule))
-        return float(read_measurement(plan).force[0].real)
-
-    for name, newton in (("run_2.5kN.npz", 2500), ("run_0p5kN.npz", 500), ("run_0,5kN.npz", 500)):
-        assert force(name, name="run_{level}kN.npz", factor=1e3) == newton
-    # of two numbers the one with a unit is the level
-    assert force("run3_2N_rep_4_a.npz", name="run*_{level}*.npz") == 2
-    with pytest.raises(MeasurementError, match=r"2 or 4 may be the level .* such as its unit"):
-        force("run3_2_rep_4_a.npz", name="run*_{level}*.npz")
-
-
 @pytest.mark.slow
 def test_cells_and_structs_of_matlab_73(tmp_path):
     path = tmp_path / "cells.mat"

@@ -96,8 +96,7 @@ def test_instants_in_milliseconds_begin_where_they_say(tmp_path):
 
 
 @pytest.mark.parametrize(("title", "unit", "rate", "found"), [
-    ("t [ms]", None, 50.0, ["unit-of-file"]), ("t [ms]", "ms", 50.0, []),
-    ("t_ms", None, 50.0, ["unit-of-file"]), ("t", None, 0.05, []),
+    ("t_ms", None, 50.0, ["unit-of-file"]), ("t [ms]", "ms", 50.0, []), ("t", None, 0.05, []),
     ("t [s]", "ms", 50.0, ["unit-contradicts-title"]), ("t [ms]", "s", 0.05, ["unit-contradicts-title"]),
     ("t [min]", None, 0.05 / 60, ["unit-of-file"]),
 ])  # fmt: skip
@@ -153,8 +152,7 @@ def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step
 
 @pytest.mark.parametrize(("name", "value", "doubted"), [
     ("fs", 64.0, False), ("fs", 128.0, True), ("SampleRate", 128.0, True), ("fs", 0.064, False),
-    ("dt", 1 / 64, False), ("dt", 1 / 128, True), ("sweep_rate", 0.1, False), ("calibrated", 1.0, False),
-    ("sampling_period", 1 / 128, True), ("sampling_points", 128, False), ("frame_rate", 128.0, False),
+    ("dt", 1 / 64, False), ("dt", 1 / 128, True), ("sweep_rate", 0.1, False), ("frame_rate", 128.0, False),
 ])  # fmt: skip
 def test_a_rate_that_a_number_in_the_file_contradicts_is_doubted(tmp_path, name, value, doubted):
     np.savez(tmp_path / "b.npz", F=FORCE, a=ACCELERATION[1])
@@ -178,7 +176,6 @@ def test_instants_that_a_rate_in_the_file_contradicts_are_doubted(tmp_path, unit
 @pytest.mark.parametrize(("texts", "given", "doubted"), [
     ({"unit": "V, V"}, {}, True), ({"units": "N, V"}, {}, True), ({"units": "N, g"}, {}, False),
     ({"unit": "V, V"}, {"factor": "100 mV/g"}, False), ({"unit": "V"}, {}, True),
-    ({"unit": "V, V, s"}, {}, False),
 ])  # fmt: skip
 @pytest.mark.parametrize("place", ["data[2]", "data[:,2]"])
 def test_volts_that_are_read_as_a_motion_are_doubted(tmp_path, texts, given, doubted, place):
@@ -195,8 +192,7 @@ def test_volts_that_are_read_as_a_motion_are_doubted(tmp_path, texts, given, dou
 
 
 @pytest.mark.parametrize(("text", "units", "doubted"), [
-    ("g", ("m/s^2", "m/s^2"), 2), ("g", ("g", "m/s^2"), 0), ("m/s²", ("g", "g"), 2), ("V", ("g", "g"), 0),
-    ("g", (None, None), 2),
+    ("g", ("g", "m/s^2"), 0), ("m/s²", ("g", "g"), 2), ("V", ("g", "g"), 0), ("g", (None, None), 2),
 ])  # fmt: skip
 def test_a_unit_of_acceleration_that_the_file_has_for_all_is_compared_and_proposed(
     tmp_path, text, units, doubted

@@ -190,12 +190,10 @@ def test_a_case_that_says_what_the_title_says_is_not_doubted(tmp_path):
 
 
 @pytest.mark.parametrize(("title", "unit"), [
-    ("Kraft [ N ] ", "N"), ("Beschleunigung (m/s^2)", "m/s^2"),
-    ("Kraft in N (rms)", "N"), ("Kraft [ ]", ""), ("force_mN", "mN"),
+    ("Kraft [ N ] ", "N"), ("Kraft in N (rms)", "N"), ("Kraft [ ]", ""), ("force_mN", "mN"),
     ("Accelerance [(m/s^2)/N]", "(m/s^2)/N"), ("Accelerance ((m/s²)/N)", "(m/s²)/N"),
     ("Accelerance (m/s^2)/N", "(m/s^2)/N"), ("FRF (m/(s^2*N))", "m/(s^2*N)"), ("F/N", "N"),
-    ("v_mm/s", "mm/s"), ("v_mm_s", "mm/s"), ("acc_m_s2", "m/s2"), ("acc_ms2", "m/s2"), ("t_ms", "ms"),
-    ("a/m/s^2", "m/s^2"), ("x/mm", "mm"), ("a / (m/s²)", "m/s²"),
+    ("v_mm/s", "mm/s"), ("acc_m_s2", "m/s2"), ("acc_ms2", "m/s2"), ("t_ms", "ms"), ("a / (m/s²)", "m/s²"),
     # a quotient, and parts of a number
     ("x/F", ""), ("Re(H)", ""), ("Im(x/F)", ""), ("Real (mm)", "mm"), ("Re(H) [m/N]", "m/N"), ("force", ""),
 ])  # fmt: skip

@@ -85,7 +85,6 @@ def test_texts_of_a_case_are_never_code(title):
 
 
 def test_a_notebook_predicts_the_levels_of_the_page():
-    """It took nominal levels, where the page has the forces that were measured near resonance."""
     driven = surface("cubic", levels=np.array([1.9, 3.8, 7.6]))
     table = changed(driven, level=np.array([2.0, 4.0, 8.0])[np.searchsorted(driven.levels, driven.level)])
     asked = model("cubic", MASS, hold_out=(4.0,))

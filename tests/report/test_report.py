@@ -29,18 +29,18 @@ from rsgen.formula.printing import write
 from rsgen.formula.reading import parse
 from rsgen.identification.results import Estimate, Identification, changed
 from rsgen.law.element import Element, make_element
-from rsgen.report import draw_all, write_index
+from rsgen.report import draw_all
 from rsgen.report import page as report_page
 from rsgen.report import page_tables as tables
 from rsgen.report.files import check_printed
 from rsgen.report.page import page_context, render_page
 from rsgen.report.provenance import Subject, page_environment, plain_text
-from rsgen.report.result_json import Parts, build_result, read_results, result_text
+from rsgen.report.result_json import Parts, build_result, result_text
 from rsgen.report.sentences import error_text, sentence
 from tests import samples
 from tests.case_files import CUBIC, GONE, SMALL
 from tests.case_files import changed as changed_case
-from tests.samples import C1, K1, MASS, cubic_case, cubic_result, empty_drawings, write_result
+from tests.samples import C1, K1, MASS, cubic_case, empty_drawings
 
 SURFACE = samples.cubic_surface()
 IDENTIFICATION = samples.cubic_identification(SURFACE)
@@ -216,25 +216,6 @@ def test_what_is_not_known_is_null():
 
 
 @pytest.mark.slow
-def test_index_lists_what_can_be_read(tmp_path):
-    for name, title in (("cubic", "A <b>cubic</b> spring"), ("odd #1", "{{7*7}}")):
-        write_result(tmp_path, cubic_result() | {"title": title}, name)
-    faulty = {"broken": "{", "other": "[]", "future": '{"schema": 99}', "null": "null"}
-    for name, content in faulty.items():
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "result.json").write_text(content, encoding="utf-8")
-    write_index(tmp_path)
-    outline = Outline((tmp_path / "index.html").read_text(encoding="utf-8"))
-    links = {str(link["href"]) for link in outline.all("a")}
-    assert {"cubic/report.html", "odd%20%231/report.html"} <= links
-    assert "A <b>cubic</b> spring" in "".join(outline.texts)
-    assert "{{7*7}}" in "".join(outline.texts)
-    assert len(outline.ids) == len(set(outline.ids))
-    assert [len(outline.all("svg")), len(outline.all("script"))] == [0, 0]
-    assert [entry.folder.name for entry in read_results(tmp_path)] == ["cubic", "odd #1"]
-
-
-@pytest.mark.slow
 def test_the_equations_of_states_stand_in_page_and_result_and_a_loop_that_stays_open_is_said():
     joint = make_element("joint <b>", "k1*x + c1*v + z", {"z": "kn1*v - 20*abs(v)*z"})
     found = replace(
@@ -329,7 +310,6 @@ def test_what_is_stated_and_drawn_has_all_harmonics_as_the_points_have_them():
     at, height = np.array(lines["refined model, 95 % band"]).T
     place, stiffness = np.array(lines["levels at resonance"]).T
     assert stiffness == pytest.approx(np.interp(place, at, height), rel=0.005)
-    # the printed formula with the refined values was not in the figure
     at, height = np.array(lines["describing function"]).T
     assert height == pytest.approx((found["k"].value + 5 / 8 * found["k5"].value * (at / 1e3) ** 4) / 1e3)
 
@@ -395,7 +375,6 @@ def test_findings_of_a_prediction_stand_in_the_one_list(tmp_path, run_cli):
 
 
 def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked_beyond_the_band():
-    """It was stated at motions far off resonance, below those of the table, and beyond the band unmarked."""
     _, found = quintic()
     assert "beyond" not in report_page.resonance_course(found)[0].names
     table: Any = SimpleNamespace(amplitude=np.array([4e-4, 6e-4]))
@@ -408,6 +387,5 @@ def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked
 
 @pytest.mark.parametrize(("name", "sure"), [("mat-sweep", True), ("csv-table", False)])
 def test_samples_are_no_root_mean_squares(name: str, sure: bool):
-    """What changes where both are rms was said of sampled sweeps, too, of which a case refuses "rms"."""
     case = rsgen.load_case(Path(__file__).parents[2] / "cases" / "formats" / f"{name}.toml")
     assert Subject("", "", "", (), case=case).scale_is_sure is sure

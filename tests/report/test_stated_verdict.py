@@ -15,8 +15,9 @@ from rsgen.identification.results import Identification
 from rsgen.report import sentences
 from rsgen.report.page import write_index
 from rsgen.report.provenance import coded
+from rsgen.report.result_json import read_results
 from rsgen.report.sentences import NEXT_STEPS, full_sentence, next_step, state_verdict
-from tests.report.test_report import IDENTIFICATION, PREDICTION, page
+from tests.report.test_report import IDENTIFICATION, PREDICTION, Outline, page
 from tests.samples import cubic_comparison, cubic_result, write_result
 from tests.surfaces import MASS, changed, model, surface, truth
 
@@ -30,7 +31,6 @@ def found_with(*findings: Finding) -> Identification:
 
 
 def test_what_a_unit_that_was_misread_may_explain_is_counted_behind_it():
-    """Degrees that were read as radians had the step of a damper that feeds energy, too."""
     read = {"file": "a.csv", "column": "phase", "unit": "rad", "beyond": "yes"}
     degrees = Finding("unit-contradicts-title", "doubt", names=read)
     fed = Finding("damping-feeds-energy", "doubt", "c", {"value": Quantity(-1.0), "share": Quantity(1.0)})
@@ -42,9 +42,9 @@ def test_what_a_unit_that_was_misread_may_explain_is_counted_behind_it():
 
 
 @pytest.mark.parametrize(("tolerance", "findings", "held_out", "state", "decided"), [
-    (None, (), (), "identified", ()), (None, (WARNING,), (), "identified", ()),
-    (1.0, (WARNING,), (), "accepted", ()), (0.0, (WARNING,), (), "missed", ()),
-    (0.0, (DOUBT,), (), "doubtful", (DOUBT,)), (1.0, (), (DOUBT,), "doubtful", (DOUBT,)),
+    (None, (WARNING,), (), "identified", ()), (1.0, (WARNING,), (), "accepted", ()),
+    (0.0, (), (), "missed", ()), (1.0, (), (DOUBT,), "doubtful", (DOUBT,)),
+    (0.0, (DOUBT,), (), "doubtful", (DOUBT,)),
     (1.0, (DOUBT, WARNING, ERROR), (), "rejected", (ERROR, DOUBT)),
 ])  # fmt: skip
 def test_the_gravest_of_test_fit_and_held_out_levels_decides(tolerance, findings, held_out, state, decided):
@@ -66,7 +66,6 @@ def test_the_gravest_of_test_fit_and_held_out_levels_decides(tolerance, findings
     ((ERROR, DOUBT, Finding("another-quantity", "doubt", numbers={"then": 0.01}, names={"is": "+2"})), 1),
 ])  # fmt: skip
 def test_what_is_printed_and_what_is_explained_have_one_order_and_one_first_step(decided, shown):
-    """The print began with what follows from the cause, and had no next step."""
     found = found_with(WARNING, *decided)
     stated = state_verdict(found.verdict)
     codes = [one["code"] for one in stated["decided_by"]]
@@ -86,7 +85,6 @@ def test_what_is_printed_and_what_is_explained_have_one_order_and_one_first_step
     ("measured", {"k": 5920.0}, False),
 ])  # fmt: skip
 def test_a_verdict_says_that_nothing_checks_the_units(origin, given, said):
-    """A load cell in volts changed all values by a factor under the headline "Identified"."""
     table = changed(surface("cubic", levels=np.array([2.0, 4.0, 8.0])), origin=origin)
     found = rsgen.identify(table, model("cubic").elements, fixed=given)
     assert found.verdict.state == "identified"
@@ -99,7 +97,6 @@ def test_a_verdict_says_that_nothing_checks_the_units(origin, given, said):
     (False, {}, False), (None, {}, True),
 ])  # fmt: skip
 def test_a_verdict_says_that_levels_are_labels_and_no_check_of_accelerations(labels, given, said):
-    """Both accelerations in g, read as m/s^2, were "Identified" with a gap 9.81 times too small."""
     table = surface("cubic", levels=np.array([2.0, 4.0, 8.0]))
     names = table.level / 2 if labels else None
     shaken = changed(
@@ -152,14 +149,25 @@ def test_a_rejected_page_marks_its_numbers():
 
 
 @pytest.mark.slow
-def test_index_and_table_show_the_verdict_of_every_case(tmp_path):
+def test_index_and_table_show_the_verdict_of_every_case_that_can_be_read(tmp_path):
     remark = Finding("note", "info", names={"text": "text"})
     fine = (1.0, WARNING, remark, remark)
-    made = {"fine": fine, "open": (None,), "doubted": (1.0, DOUBT), "wrong": (None, ERROR)}
+    made = {"doubted": (1.0, DOUBT), "fine": fine, "odd #1": (None,), "wrong": (None, ERROR)}
     for name, found in made.items():
-        write_result(tmp_path, cubic_result(*found), name)
+        write_result(tmp_path, cubic_result(*found) | {"title": "A <b>{{7*7}}</b> spring"}, name)
+    faulty = {"broken": "{", "other": "[]", "future": '{"schema": 99}', "null": "null"}
+    for name, content in faulty.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "result.json").write_text(content, encoding="utf-8")
     write_index(tmp_path)
+    assert [entry.folder.name for entry in read_results(tmp_path)] == [*made]
     text = (tmp_path / "index.html").read_text()
+    outline = Outline(text)
+    links = {str(link["href"]) for link in outline.all("a")}
+    assert {"fine/report.html", "odd%20%231/report.html"} <= links
+    assert "A <b>{{7*7}}</b> spring" in "".join(outline.texts)
+    assert len(outline.ids) == len(set(outline.ids))
+    assert [len(outline.all("svg")), len(outline.all("script"))] == [0, 0]
     assert "4 cases: 1 accepted, 1 identified, 1 doubtful, 1 rejected." in text
     assert "Rejected: these numbers are not to be used</strong>: structure feeds exciter" in text
     assert "Accepted: " in text
@@ -184,9 +192,6 @@ def test_what_a_case_is_to_change_is_said_to_python_users_too():
 
 def test_a_test_of_one_level_says_what_it_shows():
     outcome = replace(IDENTIFICATION.outcome, numbers={**IDENTIFICATION.outcome.numbers, "levels": 1})
-    alone = replace(IDENTIFICATION, outcome=outcome)
-    for several, one in (
-        (str(IDENTIFICATION), str(alone)),
-        (rsgen.explain(IDENTIFICATION), rsgen.explain(alone)),
-    ):
-        assert ["one level shows the law at its own" in shown for shown in (several, one)] == [False, True]
+    for found, said in ((IDENTIFICATION, False), (replace(IDENTIFICATION, outcome=outcome), True)):
+        for shown in (str(found), rsgen.explain(found)):
+            assert ("one level shows the law at its own" in shown) is said

@@ -111,7 +111,6 @@ def test_conditions_ask_for_names_numbers_and_severity(conditions, holds):
 
 
 def test_shares_beyond_all_reason_are_one_power_of_ten():
-    """A rejected law had a misfit of 5519799407336029683712.0 %."""
     assert f"{_Number(5.5197994e19):.1%}" == "5.5 × 10²¹ %"
     assert f"{_Number(0.3192):.1%}" == "31.9 %"
 
