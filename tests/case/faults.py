@@ -43,7 +43,7 @@ HISTORY: dict[str, Any] = {
 
 OF_SIMULATED: list[Changes] = [
     {"accept.k1": 0, "accept.kn9": 0.001, "accept.c1": "small", "titel": "A bad case"},
-    {"test.noise": {"relative": -0.1}}, {"test.noise_relative": 0.01},
+    {"test.noise": {"relative": -0.1}}, {"test.noise": 0.01}, {"test.noise_relative": 0.01},
     {"identify.model": "rank"}, {"test.level": [1, 2, 3]}, {"identify.band": ["9 Hz", "8 Hz"]},
     {"identify.band": ["9 Hz", "8 m"], "system.mass": "0 kg"}, {"identify.background": 1},
     {"identify.calibrated": False}, {"test.harmonics": 65, "test.accuracy": 1.0},
@@ -67,7 +67,7 @@ OF_SIMULATED: list[Changes] = [
     {"truth.kn2": 1},
     {"name": "a/b", "system.mass": 0, "truth.kn1": GONE}, {"element.2.forse": "x"},
     {"system.mass_error": "1 g"}, {"system.mass": {"value": "1.5 kg", "error": "15 g"}},
-    {"system.mass": "1.5 kg ± 15 g"},
+    {"system.mass": "1.5 kg ± 15 g"}, {"system.mass": "1.5 kg +- 1 %"},
     {"test.frequency": GONE, "test.frequncy": {"start": 7, "stop": 13, "count": 5}},
     *(
         {"element.2.force": "c1*v + z", "element.2.memory": memory, "truth.a": 1.0, "truth.b": 1.0}
@@ -115,7 +115,7 @@ OF_HISTORY: list[Changes] = [
     {"test.level": {"values": [1], "unit": "label"}, "identify": {"hold_out": ["0.6 V", "600 mV"]}},
     {"test.level": {"values": ["0.5 V"]}, "identify": {"hold_out": ["1.5 V"], "predict": ["4 V"]}},
     {"test.level": {"values": [1], "unit": "label"}, "identify": {"predict": [4]}},
-    {"test.sweep": {"direction": "down"}},
+    {"test.level": {"values": [1], "unit": "V"}}, {"test.sweep": {"direction": "down"}},
     {"test.level": {"values": ["3 N"]}, "test.excitation": "ring-down", "test.force": GONE},
     {"test.excitation": "ring-down", "test.force": GONE, "identify": {"hold_out": ["40 mm"]}},
     {

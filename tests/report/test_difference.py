@@ -137,9 +137,12 @@ CHANGES = {
     "name that is no text": first(name={"a": 1}), "name without end": first(name="k" * 10**6),
     "estimate without value": first(refined={}), "value that is a text": first(true="8"),
     "value beyond a double": first(relative_error=10**400),
+    "interval of three bounds": first(refined={"value": 8.0, "interval": [7, 8, 9]}),
     "no misfit": lambda result: result.update(residual=None),
     "background without numbers": lambda result: result.update(background={"estimates": [{}]}),
+    "verdict on a row that is a text": first(passed="<b>yes</b>"),
     "no surface": lambda result: result.pop("surface"),
+    "warnings without a number": lambda result: result.update(warnings=7),
     **{f"verdict {entry}": lambda result, entry=entry: result.update(verdict=entry) for entry in (
         None, [], {"state": "splendid"},
         {"state": "rejected", "headline": "", "decided_by": [], "sentences": [], "next_steps": [""]},
