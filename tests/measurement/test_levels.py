@@ -9,11 +9,9 @@ import pytest
 import scipy.io
 
 import rsgen
-from rsgen import MultisineSpectra, load_surface, sentence
-from rsgen.common.errors import RsgenError
+from rsgen import MultisineSpectra, RsgenError, load_surface, save_surface, sentence
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
-from rsgen.data.surface.response_surface import save_surface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import LevelRule, MeasuredTest
 from rsgen.files.signals import Channel

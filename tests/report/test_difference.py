@@ -9,9 +9,8 @@ from typing import Any
 
 import pytest
 
+from rsgen import Finding, RsgenError
 from rsgen.app.cli.diff_command import compare_results, is_worse
-from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
 from rsgen.report.page import write_index
 from rsgen.report.result_json import read_result, read_results
 from rsgen.report.sentences import read_verdict
