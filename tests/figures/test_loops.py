@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import rsgen as rs
 from rsgen.common.errors import RsgenError
@@ -84,18 +83,10 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
 
 def test_a_loop_of_dry_friction_does_not_lean():
     """Between turns the chord joined the upper branch at one end to the lower branch at the other."""
-    values = {"k": 4200.0, "c": 1.1, "Ff": 0.35}
-
-    def slope(_: float, state: np.ndarray) -> list[float]:
-        force = values["k"] * state[0] + values["c"] * state[1] + values["Ff"] * np.tanh(state[1] / 1e-3)
-        return [state[1], -force / 0.8]
-
-    time = np.arange(6000) / 2000
-    motion = solve_ivp(slope, (0, 3), [14e-3, 0], t_eval=time, rtol=1e-8, atol=1e-11).y[0]
-    noise = 2e-6 * np.random.default_rng(2).normal(size=len(time))
-    decay = rs.history.TimeHistory(2000.0, None, motion + noise)
-    seen = rs.history.from_free_decay(decay, mass=0.8)
-    found = rs.identify(seen, "k*x + c*v + Ff*sign(v)")
+    joint = rs.Oscillator(0.8, "k*x + c*v + Ff*sign(v)", {"k": 4200.0, "c": 1.1, "Ff": 0.35})
+    decay = rs.DecayTest(level=[14e-3], duration=3, rate=2000, noise_relative=2e-4)
+    seen = rs.simulate(joint, decay)
+    found = rs.identify(seen, "k*x + c*v + Ff*sign(v)", mass=0.8)
     _, panel = rs.figures.draw_loops(seen, found).figure.axes
     for line in (one for one in panel.get_lines() if len(one.get_xdata()) > 200):
         x, force = line.get_xdata(), line.get_ydata()
