@@ -31,10 +31,10 @@ LAWS = {
     "X**4*kn2*0.625+k2": "k2 + 5/8*kn2*X**4",
     "c6 + 8*cn6*omega*X/(3*pi)": "c6 + 8/(3*pi)*cn6*omega*X", "k6/2 + 0.5*k7": "(k6 + k7)/2",
     "Ff*sign(v) + c3*v": "c3*v + Ff*sign(v)", "-b + x": "x - b",
-    "gamma(1.5 + p/2)": "gamma((p + 3)/2)",
+    "b**2 + x**2": "x**2 + b**2", "gamma(1.5 + p/2)": "gamma((p + 3)/2)",
     "Piecewise((0, (x > -b) & (b > x)), (x, True))": "Piecewise((0, -b < x < b), (x, True))",
     "(Fs + (Fc - Fs)*exp(-abs(v)))*sign(v)": "(Fs + (Fc - Fs)*exp(-abs(v)))*sign(v)",
-    "7.244e5*x - 1.1770e10*x*abs(x)": "724400*x - 1.177e10*x*abs(x)",
+    "k2*x - k10*x": "k2*x - k10*x", "7.244e5*x - 1.1770e10*x*abs(x)": "724400*x - 1.177e10*x*abs(x)",
     "c*v*Abs(v)**0.5": "c*v*sqrt(abs(v))",
     "Piecewise((1, (x > 0) & (v > 0)), (2, True))": "Piecewise((1, v > 0 and x > 0), (2, True))",
     "a*(b + c)*(-1)*(d + e)": "-a*(b + c)*(d + e)", "besselj(1, a*X)*2/X": "2*besselj(1, a*X)/X",
@@ -123,7 +123,7 @@ def test_corpus_behaves_as_expected(entry, tmp_path):
     ("x**65", "the exponent '65' is above 64"), ("(x**64)**64", "has the power 4096"),
     ("(x + v + k1)**64", "terms when expanded"), ("1e-400", "out of range"), ("1" * 31, "31 digits"),
     ("*".join(["10**50"] * 7), "out of range"), ("besselj(k1, x)", "no whole number"),
-    ("exp(exp(exp(100)))", "beyond 1e308"),
+    ("exp(exp(exp(100)))", "beyond 1e308"), ("gamma(1e8)", "out of range"),
     ("Max(" + ",".join(f"{n}*x*v" for n in range(9)) + ")", "at most 8"),
 ])  # fmt: skip
 def test_a_refusal_says_where_what_and_what_instead(text, said):

@@ -56,7 +56,6 @@ def test_the_mass_is_read_without_a_law():
 
 
 def test_a_loop_along_a_motion_without_its_mean_has_no_mean():
-    """A one-sided spring drew its identified loop 25 to 40 N above the measured one."""
     motion = Motion(np.array([60.0]), np.array([[0, 1e-3]], dtype=complex))
     (force,) = loop_force(Model("k*x + kc*Max(x, 0)"), {"k": 4e4, "kc": 2.6e4}, motion)
     assert abs(force.mean()) < 1e-3 * np.ptp(force)

@@ -405,7 +405,6 @@ def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
     short = only(found, "decay-begins-larger")
     assert short.severity == "warning"
     assert short["fitted"] < 0.5 * short["released"]
-    # jumps were given as the reason, which a decay has not
     assert "falls too fast within the window" in rsgen.sentence(only(found, "points-excluded"))
 
 

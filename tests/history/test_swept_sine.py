@@ -206,7 +206,6 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
     used = surface.select(surface.settled)
     assert len(used) > 0.9 * len(surface)
     fast = only(surface, "sweep-rate")
-    # the middle of what lies above half power was called the largest response
     assert abs(fast["resonance"] - used.frequency[np.argmax(used.amplitude)]) < fast["half_width"]
     dynamic = used.force / used.harmonics[:, 1]
     k = dynamic.real + MASS * used.omega**2
@@ -216,7 +215,6 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
     assert np.median(np.abs(k / law_k - 1)) < 2e-3
     near = np.abs(dynamic.real) < 5 * np.abs(dynamic.imag)
     error = np.abs(dynamic.imag / used.omega / (DAMPING / 2) - 1)[near]
-    # after the jump c(X) was off by a factor of eight, without a word
     assert error.max() < (0.06 if noise == 0 else 0.4)
     assert np.median(error) < 0.05
 
@@ -273,7 +271,6 @@ def test_points_with_a_force_in_its_noise_are_not_settled() -> None:
 
 
 def test_a_point_that_is_not_used_says_why() -> None:
-    """A drop-out, or a free motion after a jump, is no sweep that passes too fast."""
     clean = jumping(8e6, 2.0, SweepLaw("linear", 9.0, 0.04), 11.5)
     silent = np.abs(np.arange(len(clean)) / clean.rate - 10) < 1
     surface = from_swept_sine(TimeHistory(clean.rate, clean.force, np.where(silent, 0, clean.response)))

@@ -76,7 +76,6 @@ def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[s
     ([(1, 3, 1.0), (1, 3, 1.0), (1, 3, 1.0)], ""),
 ])  # fmt: skip
 def test_points_of_a_modal_test_are_no_levels(tmp_path, points, left_out):
-    """Accelerances of different points read as levels of one were a wrong result without a word."""
     tables, surface, doubts = read_draft(modal_file(tmp_path / "a.uff", points))
     if left_out:
         assert doubts["test.response.complex"].startswith(left_out)

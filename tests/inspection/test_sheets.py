@@ -73,7 +73,6 @@ def test_sheets_with_the_same_titles_are_levels_called_by_their_names(draft, run
         *((f"* V/{title}", f"0.25 V/{title}") for title in TITLES), (LEVEL, ""), ('unit = "label"', "")
     )
     assert "not read of book.xlsx: 0.5 V/*, 1 V/*, 1.4 V/*, Background/*" in run_cli("check", first).out
-    # one column of all sheets was listed once a sheet
     sizes = draft((lags, "phase_known = false"), ("phase_sense", "# phase_sense"))
     assert "not read of book.xlsx: */Phase [deg], Background/*" in run_cli("check", sizes).out
 

@@ -29,6 +29,7 @@ MAXWELL = {"z": "k1*v - z/tau"}
         "Piecewise((k4*x, abs(x) <= b), (k5*x + (k4 - k5)*b*sign(x), True))", {},
         {"linear": "k4 k5", "odd": True, "rough": True, "jumps": False},
     ),
+    ("cn*v*abs(v) + k*x", {}, {"linear": "cn k", "odd": True, "rough": False, "jumps": False}),
     ("A*tanh(v/w) + k*x", {}, {"linear": "A k", "odd": True, "rough": False, "positive": ""}),
     # near a zero of high order round-off is all there is
     ("k*(x - b)**7 + c*v", {}, {"linear": "c k", "scaled": []}),
@@ -38,7 +39,7 @@ MAXWELL = {"z": "k1*v - z/tau"}
     ("Min(kt*x, Fs)", {}, {"linear": "", "scaled": ["Fs kt"]}),
     (f"k*x + {SATURATION}", {}, {"scaled": ["Fm ks"]}),
     ("k*x + Max(0, ks*(x - b))", {}, {"scaled": ["ks"]}), (f"k*x + kg*{SATURATION}", {}, {"scaled": []}),
-    ("k*x + Max(0, ks*x - 500)", {}, {"scaled": []}),
+    ("k*x + Max(0, ks*x - 500)", {}, {"scaled": []}), ("Fm*tanh(ks*x/Fm)", {}, {"scaled": ["Fm ks"]}),
     # of two factors of one loop one is linear; alpha of Bouc and Wen for one sign only
     # signs that a virgin curve leaves: both signs of F are one curve, a power below zero is one of the model
     (

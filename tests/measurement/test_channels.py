@@ -97,7 +97,6 @@ def test_a_base_drives_by_its_acceleration(tmp_path, quantity, power, unit, resp
 
 
 def test_an_element_acts_across_two_channels(tmp_path):
-    """A payload on a cubic mount is measured on both sides of it."""
     z = PAYLOAD - WING
     force = (5e3 + 3j * OMEGA - 2.0 * OMEGA**2) * WING + 0.75 * 4e9 * np.abs(z) ** 2 * z
     case = rs.load_case(write(tmp_path, MOUNTED, a=(force, WING, PAYLOAD)))

@@ -52,7 +52,8 @@ def test_a_quantity_is_its_si_value(text, unit, value):
     ("1 ((((%^20)^20)^20)^20)", None, "out of range"), ("1 __import__('os')", "N", "is not a unit"),
     ("1e-400 N", "N", "out of range"), ("1" * 500 + " N", "N", "has 502 characters"),
     (math.inf, "N", "out of range"), (math.nan, "N", "out of range"), (10**400, "N", "out of range"),
-    (1e-320, "N", "out of range"), (True, "N", "is not a number"), ("5 \ud800", "N", "is not a unit"),
+    (1e-320, "N", "out of range"), (True, "N", "is not a number"), (None, "N", "is not a number"),
+    ("5 \ud800", "N", "is not a unit"), ("\x1b[2J N", "N", "is not a number with a unit"),
 ])  # fmt: skip
 def test_a_wrong_quantity_is_refused_in_a_sentence(value, unit, said):
     with pytest.raises(RsgenError) as caught:
@@ -90,6 +91,7 @@ def test_whatever_the_text_only_an_rsgen_error_comes_out(text):
     ("k*Max(0, 2*x - b)", {"k": "N/m", "b": "m"}), ("A*tanh(1000*v/w)", {"A": "N", "w": "m/s"}),
     ("cn6*v*abs(v) + kn8*x**3", {"cn6": "N*s^2/m^2", "kn8": "N/m^3"}),
     ("(Fs + (Fc - Fs)*exp(-(v/vs)**2))*sign(v)", {"Fs": "N", "Fc": "N", "vs": "m/s"}),
+    ("k*x*Heaviside(x - b)", {"k": "N/m", "b": "m"}), ("mu*(x**2 - a)*v", {"mu": "N*s/m^3", "a": "m^2"}),
     ("7.244e5*x + k*x**3", {"k": "N/m^3"}), ("F0*sin(q*x)", {"F0": "N", "q": "1/m"}),
     ("c*abs(v/v0)**p*sign(v)", {"c": "N", "v0": "m/s", "p": "1"}),
     ("c*abs(v)**p*sign(v)", {"c": "", "p": "1"}), ("a*b*x", {"a": "", "b": ""}), ("P", {"P": "N"}),
