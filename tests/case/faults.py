@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from rsgen.cases.loading import load_case
 from rsgen.common.errors import CaseError
@@ -14,7 +13,7 @@ from tests.case_files import GONE, Changes, Literal, changed
 
 SPRING = {"name": "spring", "force": "k1*x + kn1*x**3"}
 DAMPER = {"name": "damper", "force": "c1*v"}
-SIMULATED: dict[str, Any] = {
+SIMULATED = {
     "schema": 1, "name": "good", "title": "A good case", "system": {"mass": "1.5 kg"},
     "element": [SPRING, DAMPER], "printed": {"stiffness": "k1 + 3/4*kn1*X**2"},
     "truth": {"k1": "5.92 kN/m", "kn1": "-2.2e5 N/m^3", "c1": 3.8},
@@ -25,7 +24,7 @@ SIMULATED: dict[str, Any] = {
     "identify": {"hold_out": []},
     "accept": {"k1": 1e-4},
 }  # fmt: skip
-TABLE: dict[str, Any] = {
+TABLE = {
     "schema": 1, "name": "good", "title": "A good case", "system": {"mass": "1.5 kg"},
     "element": [SPRING, DAMPER],
     "test": {
@@ -33,7 +32,7 @@ TABLE: dict[str, Any] = {
         "response": {"quantity": "velocity", "real": 3, "imaginary": 4, "phase_sense": "lead"},
     },
 }  # fmt: skip
-HISTORY: dict[str, Any] = {
+HISTORY = {
     **TABLE,
     "test": {
         "kind": "measured", "file": "data.mat", "excitation": "swept-sine", "force": {"samples": "F"},

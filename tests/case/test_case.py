@@ -7,7 +7,6 @@ import time
 import tomllib
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import numpy as np
@@ -41,7 +40,7 @@ def write(folder: Path, text: str, name: str = "case.toml") -> Path:
     return path
 
 
-def corpus(name: str) -> list[dict[str, Any]]:
+def corpus(name: str) -> list[dict]:
     entries = json.loads((Path(__file__).parents[1] / "corpus" / name).read_text(encoding="utf-8"))
     for entry in entries:
         text = entry.get("input", "")

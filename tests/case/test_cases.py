@@ -3,7 +3,6 @@
 from functools import cache
 from math import log10
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 
 @cache
-def outcome(path: Path) -> tuple[Comparison, dict[str, Any]]:
+def outcome(path: Path) -> tuple[Comparison, dict]:
     case = rsgen.load_case(path)
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)

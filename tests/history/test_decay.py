@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -36,17 +35,17 @@ def free(pace: float, duration: float, frequency: float = 10.0, rate: float = RA
     return np.exp(-pace * t) * np.cos(2 * np.pi * frequency * t)
 
 
-def followed(response: np.ndarray, mass: float | None = MASS, rate: float = RATE, **options: Any):
+def followed(response: np.ndarray, mass: float | None = MASS, rate: float = RATE, **options):
     return follow_decay(TimeHistory(rate, None, response), mass=mass, **options)
 
 
-def virtual(law: str, values: dict[str, float], mass: float, **plan: Any) -> rsgen.ResponseSurface:
+def virtual(law: str, values: dict[str, float], mass: float, **plan) -> rsgen.ResponseSurface:
     """A virtual decay with a thousandth of noise where nothing else is said."""
     test = rsgen.DecayTest(**{"noise_relative": 1e-3, **plan})
     return rsgen.simulate(rsgen.Oscillator(mass, law, values), test)
 
 
-def integrated(force: Any, mass: float, start: float, duration: float, rate: float = RATE, **how: Any):
+def integrated(force, mass: float, start: float, duration: float, rate: float = RATE, **how):
     """Return displacement and velocity of m a + force(x, v) = 0, let go at ``start``."""
     how = {"rtol": 1e-9, "atol": 1e-12, "t_eval": np.arange(0, duration, 1 / rate)} | how
     return solve_ivp(lambda t, y: [y[1], -force(*y) / mass], (0, duration), [start, 0], **how).y

@@ -4,7 +4,6 @@ import random
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -50,7 +49,7 @@ def write_table(path, head, values, delimiter=",", seed=None) -> Path:
     )
 
 
-def is_receptance(surface: ResponseSurface, factor: Any = 1.0) -> bool:
+def is_receptance(surface: ResponseSurface, factor=1.0) -> bool:
     """Decide whether response over force is the receptance of the oscillator, times a factor."""
     exact = factor * receptance(surface.frequency)
     return np.allclose(surface.harmonics[:, 1] / surface.force, exact, rtol=1e-6, atol=0)
@@ -62,7 +61,7 @@ def drafted(path: Path) -> Proposal:
     return proposal
 
 
-def read_draft(path: Path, **entered: dict[str, Any]):
+def read_draft(path: Path, **entered: dict):
     """Return the [test] tables of a draft, what they read, and its comments.
 
     ``entered`` are keys that the user enters or changes, by table of the case ("test", "response").

@@ -3,7 +3,6 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,19 +11,8 @@ from rsgen.common.errors import RsgenError
 from rsgen.files.inspection.clues import TODO
 from rsgen.files.inspection.proposal import propose
 from rsgen.files.tree import Contents, Entry
-from tests.inspection.drafts import (
-    DAMPING,
-    FREQUENCY,
-    MASS,
-    OMEGA,
-    RECEPTANCE,
-    STIFFNESS,
-    drafted,
-    is_receptance,
-    read_draft,
-    write_levels,
-    write_table,
-)
+from tests.inspection import drafts
+from tests.inspection.drafts import FREQUENCY, OMEGA, RECEPTANCE, is_receptance, read_draft, write_table
 
 G = 9.80665
 SHAPES = {"one": 1.0, "two": 0.6 * np.exp(0.02j), "three": -0.3}
@@ -103,7 +91,7 @@ LABORATORIES = {
 def test_columns_of_one_sensor_find_each_other(tmp_path, name, seed):
     """Whatever the order, force and response are read with their own phases: the receptance is exact."""
     titles = LABORATORIES[name]
-    path = write_levels(tmp_path / "a.csv", titles.columns, titles.delimiter, seed)
+    path = drafts.write_levels(tmp_path / "a.csv", titles.columns, titles.delimiter, seed)
     tables, surface, doubts = read_draft(path)
     assert doubts["test.response.channels"].startswith("or ")
     # every channel is that of its own sensor
@@ -118,7 +106,8 @@ def test_columns_of_one_sensor_find_each_other(tmp_path, name, seed):
     assert is_receptance(surface, SHAPES[read[tables["response"]["channels"]]])
 
 
-TRANSMISSIBILITY = (STIFFNESS + 1j * OMEGA * DAMPING) / (STIFFNESS - MASS * OMEGA**2 + 1j * OMEGA * DAMPING)
+STATIC = drafts.STIFFNESS + 1j * OMEGA * drafts.DAMPING
+TRANSMISSIBILITY = STATIC / (STATIC - drafts.MASS * OMEGA**2)
 """Absolute motion of the mass over that of the base."""
 
 
@@ -131,7 +120,7 @@ TRANSMISSIBILITY = (STIFFNESS + 1j * OMEGA * DAMPING) / (STIFFNESS - MASS * OMEG
 def test_a_driven_base_is_recognised(tmp_path, base, mass, seed):
     levels = base[0].startswith("Table")
 
-    def columns(level: float) -> dict[str, Any]:
+    def columns(level: float) -> dict:
         moved = level / G * np.exp(0.3j) * np.ones_like(FREQUENCY)
         split = parts if base[0].startswith("Re ") else polar
         found = {"Frequency [Hz]": FREQUENCY} | ({"Level [g]": level / G} if levels else {})
@@ -139,13 +128,13 @@ def test_a_driven_base_is_recognised(tmp_path, base, mass, seed):
             found |= dict(zip(titles, split(values), strict=True))
         return found
 
-    tables, surface, doubts = read_draft(write_levels(tmp_path / "a.csv", columns, ";", seed))
+    tables, surface, doubts = read_draft(drafts.write_levels(tmp_path / "a.csv", columns, ";", seed))
     assert tables["base"].get("amplitude", tables["base"].get("real")) == base[0]
     assert tables["base"]["response"] == "absolute"
     assert "force" not in tables
     assert (tables.get("level") == {"column": "Level [g]"}) is levels
     assert surface.per_mass
-    assert is_receptance(surface, MASS)
+    assert is_receptance(surface, drafts.MASS)
     assert "relative" in doubts["test.base.response"]
 
 
@@ -158,7 +147,7 @@ def test_a_base_is_told_by_its_name_where_no_unit_stands(tmp_path, titles, drive
     rows = "\n".join(f"{i / 100},{np.sin(i)},{np.cos(i)}" for i in range(40))
     path = tmp_path / "a.csv"
     path.write_text(f"t [s],{titles}\n{rows}\n", encoding="utf-8")
-    found = drafted(path)
+    found = drafts.drafted(path)
     assert [name for name in ("base", "force") if f"test.{name}" in found.tables] == [driven]
     assert found.tables[f"test.{driven}"]["samples"] == titles.split(",")[0]
     key = "factor" if titles.startswith("shaker [V]") else "unit"
@@ -193,7 +182,7 @@ def test_harmonics_are_not_taken_for_sensors(tmp_path, order):
                 found |= zip(titles, polar(size * values * np.exp(number * 1j)), strict=True)
         return found
 
-    tables, surface, doubts = read_draft(write_levels(tmp_path / "a.csv", columns))
+    tables, surface, doubts = read_draft(drafts.write_levels(tmp_path / "a.csv", columns))
     assert tables["force"]["phase"] == order.format("F", 1).replace("[N]", "phase [deg]")
     assert "a table is read at its fundamental" in doubts["test.response.amplitude"]
     assert is_receptance(surface)
@@ -241,7 +230,7 @@ def test_headers_of_other_programs(tmp_path, name, seed):
     head, values, said = HEADS[name]
     path = write_table(tmp_path / "a.csv", head, values, "\t", seed)
     entered = said if "quantity" in said else {}
-    assert not entered or "TODO: no unit stands with it" in drafted(path).doubts["test.response.unit"]
+    assert not entered or "TODO: no unit stands with it" in drafts.drafted(path).doubts["test.response.unit"]
     tables, surface, _ = read_draft(path, response=entered)
     assert said.items() <= tables["response"].items()
     # the first response in the order of the file
@@ -252,7 +241,7 @@ def test_a_level_in_decibels_is_refused_by_its_title(tmp_path):
     size, phase = polar(RECEPTANCE)
     values = lambda level: (level, 20 * np.log10(level * size * 1e6), phase)  # noqa: E731
     path = write_table(tmp_path / "a.csv", "f_Hz,F_N,x1_dB,phase1_deg", values)
-    assert "decibels" in drafted(path).doubts["test.response.unit"]
+    assert "decibels" in drafts.drafted(path).doubts["test.response.unit"]
     with pytest.raises(RsgenError, match="logarithmic"):
         read_draft(path)
 

@@ -5,7 +5,6 @@ import tomllib
 from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +27,7 @@ FORMATS = ROOT / "cases" / "formats"
 MEASURED = sorted(one for one in FORMATS.iterdir() if one.suffix not in (".toml", ".py") and one.is_file())
 
 
-def proposed(path: Path) -> Any:
+def proposed(path: Path):
     return tomllib.loads(proposal_text(drafted(path)))["test"]
 
 

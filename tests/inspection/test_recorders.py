@@ -7,17 +7,8 @@ import pytest
 import scipy.io
 import scipy.signal
 
-from tests.inspection.drafts import (
-    DAMPING,
-    FREQUENCY,
-    MASS,
-    OMEGA,
-    RECEPTANCE,
-    STIFFNESS,
-    drafted,
-    is_receptance,
-    read_draft,
-)
+from tests.inspection import drafts
+from tests.inspection.drafts import FREQUENCY, MASS, OMEGA, RECEPTANCE, is_receptance, read_draft
 from tests.measurement.universal_files import response_set, write_sets
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("read_here")]
@@ -25,7 +16,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("read_here")]
 RATE = 256.0
 TIME = np.arange(int(60 * RATE)) / RATE
 FORCE = np.sin(2 * np.pi * (6 * TIME + 4 / 60 * TIME**2))
-SYSTEM = ([[0, 1], [-STIFFNESS / MASS, -DAMPING / MASS]], [[0], [1 / MASS]])
+SYSTEM = ([[0, 1], [-drafts.STIFFNESS / MASS, -drafts.DAMPING / MASS]], [[0], [1 / MASS]])
 ACCELERATION = scipy.signal.lsim((*SYSTEM, [SYSTEM[0][1]], [[1 / MASS]]), FORCE, TIME)[1].ravel()
 
 
@@ -51,7 +42,7 @@ def test_names_and_units_in_structs_of_a_modal_analyser(tmp_path):
 def test_channels_without_names_are_not_guessed_silently(tmp_path):
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"ch1": FORCE, "ch2": ACCELERATION, "ch3": 0.4 * ACCELERATION, "fs": RATE})
-    doubts = drafted(path).doubts
+    doubts = drafts.drafted(path).doubts
     assert "TODO: write the path of the force" in doubts["test.force.samples"]
     assert "ch1, ch2, ch3" in doubts["test.response.samples"]
 

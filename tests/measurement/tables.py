@@ -1,7 +1,6 @@
 """Tables as laboratories write them, and plans to read them."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,23 +10,23 @@ from rsgen.files.plan import MeasuredTest
 from rsgen.files.signals import Channel
 
 
-def write_columns(path: Path, titles: str, *columns: Any) -> Path:
+def write_columns(path: Path, titles: str, *columns) -> Path:
     """Write columns below their titles, if there are any; a single number stands in every row."""
     rows = np.column_stack(np.broadcast_arrays(*columns))
     np.savetxt(path, rows, "%.17g", delimiter=",", header=titles, comments="")
     return path
 
 
-def planned(files: Any, frequency: Any = 1, force: Any = 2, response: Any = 3, **more: Any) -> MeasuredTest:
+def planned(files, frequency=1, force=2, response=3, **more) -> MeasuredTest:
     """Plan to read displacements, without phases unless said; a name or number is a column of amplitudes."""
     force, response = (
         Channel(amplitude=one) if isinstance(one, int | str) else one for one in (force, response)
     )
-    known: dict[str, Any] = {"quantity": "displacement", "phase_known": False}
+    known = {"quantity": "displacement", "phase_known": False}
     return MeasuredTest(files, frequency, force, response, **known | more)
 
 
-def read_planned(*words: Any, **more: Any) -> ResponseSurface:
+def read_planned(*words, **more) -> ResponseSurface:
     """Return what ``planned`` of the same arguments reads."""
     return read_measurement(planned(*words, **more))
 

@@ -7,11 +7,9 @@ import wave
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.io import savemat, wavfile
 
 from rsgen import ResponseSurface, read
@@ -41,14 +39,14 @@ TIME = np.arange(4000) / 200
 DRIVE = 3.0 * np.sin(2 * np.pi * (5 * TIME + 0.25 * TIME**2))
 MOTION = 0.25 * np.roll(DRIVE, 4)
 
-Array = NDArray[Any]
+Array = np.ndarray
 
 
-def package(name: str, extra: str) -> Any:
+def package(name: str, extra: str):
     return pytest.importorskip(name, reason=f"no {name} here: install rsgen[{extra}]")
 
 
-def proposed(path: Path, run_cli: Callable[..., Any]) -> ResponseSurface:
+def proposed(path: Path, run_cli: Callable[..., object]) -> ResponseSurface:
     case = path.with_suffix(".toml")
     done = run_cli("init", "--from", path, case)
     assert done.code == 0, done.err
@@ -56,7 +54,7 @@ def proposed(path: Path, run_cli: Callable[..., Any]) -> ResponseSurface:
     return read(case)
 
 
-def history(path: Path, *signals: Channel | int | str, **rule: Any) -> MeasuredTest:
+def history(path: Path, *signals: Channel | int | str, **rule) -> MeasuredTest:
     force, response = (one if isinstance(one, Channel) else Channel(samples=one) for one in signals)
     rule = HistoryRule("swept-sine", **rule)
     return MeasuredTest((path,), None, force, response, "acceleration", history=rule)
@@ -67,12 +65,12 @@ def array(path: Path, *wanted: int | str) -> list[Array]:
     return [channels[0].values for channels in found]
 
 
-def load(walk: Callable[..., Any], content: bytes, wanted: int | str) -> Array:
+def load(walk: Callable[..., object], content: bytes, wanted: int | str) -> Array:
     ((node,), _) = find(list(walk(io.BytesIO(content), None, LARGEST_BYTES)), wanted)
     return node.load()
 
 
-def table_of_a_sheet(units: bool) -> list[list[Any]]:
+def table_of_a_sheet(units: bool) -> list[list]:
     """Frequency in kHz, force in lbf, displacement in thou, lag in degrees, below a line of settings."""
     lag = -np.degrees(np.angle(RECEPTANCE))
     columns = (FREQUENCY / 1e3, np.full(41, 2.0 / POUND), 2.0 * np.abs(RECEPTANCE) / 2.54e-5, lag)
@@ -121,7 +119,7 @@ def test_a_tdms_file_in_kilonewton_and_g(tmp_path, run_cli):
     path = tmp_path / "a.tdms"
     step = {"wf_increment": 1 / 200, "wf_start_offset": 0.0, "wf_samples": len(TIME)}
     in_g = {"NI_UnitDescription": "g"}
-    scaling: dict[str, Any] = {
+    scaling = {
         "NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 0.5,
         "NI_Scale[0]_Linear_Y_Intercept": 0.0, "NI_Scale[0]_Linear_Input_Source": 0xFFFFFFFF,
         "NI_Scaling_Status": "unscaled",

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,13 +25,13 @@ MASS, STIFFNESS, CUBIC, DAMPING = 1.5, 5920.0, 2e6, 7.5
 HELD = np.linspace(1e-3, 12e-3, 8)
 
 
-def force_at(size: Any, frequency: Any) -> Any:
+def force_at(size, frequency):
     """Force [N] that holds an amplitude [m]; to first order."""
     omega = 2 * np.pi * np.asarray(frequency)
     return size * (STIFFNESS + 0.75 * CUBIC * size**2 - MASS * omega**2 + 1j * omega * DAMPING)
 
 
-def of_files(tmp_path: Path, forces: dict[str, Any], sizes: dict[str, float] | None = None, **more: Any):
+def of_files(tmp_path: Path, forces: dict, sizes: dict[str, float] | None = None, **more):
     """Write a file a run, force and amplitude over frequency (F/1e4 unless given), and plan to read them."""
     for name, force in forces.items():
         size = sizes[name] if sizes else np.abs(force) / 1e4

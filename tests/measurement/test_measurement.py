@@ -9,7 +9,6 @@ import re
 from contextlib import nullcontext
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -48,9 +47,9 @@ def write(path: Path, delimiter: str = ",", header: bool = True, **columns: np.n
     return path
 
 
-def plan(path: Path, **changes: Any) -> MeasuredTest:
+def plan(path: Path, **changes) -> MeasuredTest:
     """Describe a test in the plainest way: SI, displacement, real and imaginary part."""
-    known: dict[str, Any] = {
+    known = {
         "frequency": "f", "force": Channel(real="Fr", imaginary="Fi"),
         "response": Channel(real="Xr", imaginary="Xi"), "quantity": "displacement",
         "level": LevelRule(spread=0.2),

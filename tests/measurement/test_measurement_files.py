@@ -9,7 +9,6 @@ import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -36,7 +35,7 @@ FORMATS = Path(__file__).parents[2] / "cases" / "formats"
 CORPUS = json.loads((Path(__file__).parents[1] / "corpus" / "binary.json").read_text(encoding="utf-8"))
 
 
-def marked(test: Any) -> Any:
+def marked(test):
     """Mark a test as slow, and as one of what files hold, not of how they are read."""
     return pytest.mark.slow(pytest.mark.usefixtures("read_here")(test))
 
@@ -149,7 +148,7 @@ def test_cells_and_structs_of_matlab_73(tmp_path):
     assert [entry.path for entry in list_binary(path, "hdf5").entries][:3] == ["runs/1", "runs/2", "runs/3"]
 
 
-def arrays(content: bytes) -> list[list[Any]]:
+def arrays(content: bytes) -> list[list]:
     return [node.load().tolist() for node in walk_universal(io.BytesIO(content), None, 2**20)]
 
 

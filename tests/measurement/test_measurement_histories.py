@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -27,18 +26,18 @@ FORMATS = Path(__file__).parents[2] / "cases" / "formats"
 SINGLE = 1e-3
 
 
-def swept(**keys: Any) -> HistoryRule:
+def swept(**keys) -> HistoryRule:
     return HistoryRule("swept-sine", **keys)
 
 
-def history(*files: Path, force: Any = "F", response: Any = "a", **keys: Any) -> MeasuredTest:
+def history(*files: Path, force="F", response="a", **keys) -> MeasuredTest:
     """Plan to read time histories; a text is the channel of a signal."""
     signals = (Channel(samples=one) if isinstance(one, str) else one for one in (force, response))
     known = {"quantity": "acceleration", "history": swept(rate_column="fs")}
     return MeasuredTest(files, None, *signals, **known | keys)
 
 
-def read_record(*files: Path, **keys: Any) -> TimeHistory:
+def read_record(*files: Path, **keys) -> TimeHistory:
     """Return the last history of what ``history`` of the same arguments plans."""
     return read_motions(history(*files, **keys))[0][-1]
 
@@ -100,9 +99,7 @@ def test_instants_in_milliseconds_begin_where_they_say(tmp_path):
     ("t [s]", "ms", 50.0, ["unit-contradicts-title"]), ("t [ms]", "s", 0.05, ["unit-contradicts-title"]),
     ("t [min]", None, 0.05 / 60, ["unit-of-file"]),
 ])  # fmt: skip
-def test_instants_have_the_unit_of_the_case_or_the_file_and_doubt_one_against_the_other(
-    tmp_path, title, unit, rate, found
-):
+def test_instants_have_the_unit_of_the_case_or_of_the_file(tmp_path, title, unit, rate, found):
     path = write_columns(tmp_path / "a.csv", f"{title},F [N],a [m/s^2]", 20 * np.arange(N), FORCE, FORCE)
     keys = {"force": "F [N]", "response": "a [m/s^2]", "history": swept(time=title, unit=unit)}
     got = read_record(path, **keys)
@@ -195,9 +192,7 @@ def test_volts_that_are_read_as_a_motion_are_doubted(tmp_path, texts, given, dou
 @pytest.mark.parametrize(("text", "units", "doubted"), [
     ("g", ("g", "m/s^2"), 0), ("m/s²", ("g", "g"), 2), ("V", ("g", "g"), 0), ("g", (None, None), 2),
 ])  # fmt: skip
-def test_a_unit_of_acceleration_that_the_file_has_for_all_is_compared_and_proposed(
-    tmp_path, text, units, doubted
-):
+def test_a_unit_of_acceleration_for_all_is_compared_and_proposed(tmp_path, text, units, doubted):
     channels = {"table": FORCE, "top": ACCELERATION[0], "fs": 50.0, "unit": text}
     scipy.io.savemat(tmp_path / "a.mat", channels)
     base = BaseRule(Channel(samples="table", unit=units[0], quantity="acceleration"), "absolute")

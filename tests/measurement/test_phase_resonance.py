@@ -1,7 +1,6 @@
 """Tables of a phase-locked loop: one row a level, with a phase or without."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +30,7 @@ def table(folder: Path, lag: float = 90.0, quantity: str = "displacement") -> Pa
     return write_columns(folder / "loop.csv", "frequency,force,response,lag", *columns)
 
 
-def read(path: Path, **options: Any) -> ResponseSurface:
+def read(path: Path, **options) -> ResponseSurface:
     options = {"phase_known": True, "frequency_unit": "Hz"} | options
     phase = {"phase": "lag", "phase_sense": "lag"} if options["phase_known"] else {}
     unit = "m/s" if options.get("quantity") == "velocity" else "m"

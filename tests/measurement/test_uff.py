@@ -4,7 +4,6 @@ import inspect
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -145,7 +144,7 @@ def test_a_data_set_164_that_contradicts_itself_decides_nothing(tmp_path, text, 
     assert reason in drafted(path).doubts["test.response.unit"]
 
 
-def about(**said: int) -> dict[str, Any]:
+def about(**said: int) -> dict:
     """Data set 1858 of pyuff, with nothing known but what is said."""
     whole = inspect.signature(pyuff.prepare_1858).parameters
     numbers = {name: 0.0 if re.search("value|num_of|damping", name) else 0 for name in whole}
@@ -153,7 +152,7 @@ def about(**said: int) -> dict[str, Any]:
     return pyuff.prepare_1858(**numbers | directions | said)
 
 
-def mobility(values: Any = MOBILITY, ordinate: int = 11, over: int = 13) -> dict[str, Any]:
+def mobility(values=MOBILITY, ordinate: int = 11, over: int = 13) -> dict:
     """A function without labels of units."""
     return response_set(
         FREQUENCY, values, ordinate_spec_data_type=ordinate, orddenom_spec_data_type=over, id1="joint"

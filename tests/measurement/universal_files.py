@@ -2,7 +2,6 @@
 
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ import pytest
 pyuff = pytest.importorskip("pyuff", reason="no pyuff here: install rsgen[test]")
 
 
-def response_set(frequency: np.ndarray, data: np.ndarray, **keys: Any) -> dict[str, Any]:
+def response_set(frequency: np.ndarray, data: np.ndarray, **keys) -> dict:
     """Return a frequency response (data set 58) of pyuff, accelerance over force unless ``keys`` differ."""
     known = {
         "func_type": 4, "rsp_node": 2, "rsp_dir": 3, "ref_node": 1, "ref_dir": 3, "rsp_ent_name": "BEAM",
@@ -22,7 +21,7 @@ def response_set(frequency: np.ndarray, data: np.ndarray, **keys: Any) -> dict[s
     return pyuff.prepare_58(data=data, x=frequency, **known | keys)
 
 
-def write_sets(path: Path, *sets: dict[str, Any]) -> Path:
+def write_sets(path: Path, *sets: dict) -> Path:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         pyuff.UFF(str(path)).write_sets(list(sets), "overwrite")

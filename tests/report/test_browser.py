@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +34,7 @@ def pages(tmp_path_factory):
     drawings = draw_all(Subject.of_case(samples.cubic_case(), cubic), surface, cubic, prediction)
     titles = hostile_titles()
 
-    def write(name: str, found: Identification = cubic, **changes: Any) -> str:
+    def write(name: str, found: Identification = cubic, **changes) -> str:
         subject = Subject.of_case(samples.cubic_case(**changes), found)
         shown = {title or "empty": title for title in titles} if name == "hostile" else {"Versions": "rsgen"}
         printed = check_printed(subject, found) if found is cubic else ()
@@ -69,8 +68,8 @@ def pages(tmp_path_factory):
 def test_page_is_quiet_and_fits_and_axe_finds_nothing(chromium, pages, name):
     address = pages[name].as_uri()
 
-    async def visit(page: Page) -> dict[str, Any]:
-        fit: dict[Any, bool] = {}
+    async def visit(page: Page) -> dict:
+        fit = {}
         for width in (PHONE, DESK):
             for dark in (False, True):
                 await page.show(address, width, dark=dark)
@@ -81,7 +80,7 @@ def test_page_is_quiet_and_fits_and_axe_finds_nothing(chromium, pages, name):
         await page.ask(OPEN)
         fit["open"] = await page.fits(PHONE)
         run = await page.ask("[document.scripts.length, document.body.style.background]")
-        said, found = page.complaints + page.dialogs, dict[Any, str]()
+        said, found = page.complaints + page.dialogs, {}
         for width, dark in ((PHONE, False), (DESK, False), (DESK, True)) if AXE.is_file() else ():
             await page.show(address, width, dark=dark)
             await page.ask(OPEN)

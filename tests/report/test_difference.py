@@ -5,7 +5,6 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,12 +15,10 @@ from rsgen.report.result_json import read_result, read_results
 from rsgen.report.sentences import read_verdict
 from tests.samples import cubic_result, write_result
 
-Change = Callable[[dict[str, Any]], object]
+Change = Callable[[dict], object]
 
 
-def written(
-    folder: Path, tolerance: float | None = 1e-2, change: Change = lambda result: None, **changes: float
-) -> Path:
+def written(folder, tolerance=1e-2, change: Change = lambda result: None, **changes: float) -> Path:
     """Write a result whose values are changed by a share, with the verdict that belongs to its rows."""
     result = cubic_result(tolerance)
     for row in result["parameters"]:
@@ -48,7 +45,7 @@ def test_a_moved_value_is_given_in_its_standard_errors(tmp_path):
 
 def test_of_two_laws_on_one_test_the_better_one_is_named(tmp_path, run_cli):
     def law(side: str, force: str, misfit: float, test: float = 1.0) -> Path:
-        def change(result: dict[str, Any]) -> None:
+        def change(result: dict) -> None:
             result["elements"][0]["force"], result["residual"]["relative"] = force, misfit
             result["equivalent"] = {"frequency": [9.0, 10.0] * 50, "amplitude": [test, 2.0] * 50}
 
@@ -74,11 +71,11 @@ def test_of_two_laws_on_one_test_the_better_one_is_named(tmp_path, run_cli):
 def test_mirror_images_of_one_law_are_the_same_but_for_the_direction(tmp_path, run_cli, code, even):
     law = "k1*x + kn1*x**2" if even else "k1*Max(x, 0) + kn1*Min(x, 0)"
 
-    def one(result: dict[str, Any]) -> None:
+    def one(result: dict) -> None:
         result["elements"] = [{"name": "spring", "force": law}]
         result["findings"] = [Finding(code, "info").to_dict()]
 
-    def other(result: dict[str, Any]) -> None:
+    def other(result: dict) -> None:
         one(result)
         stiff, second = (next(r for r in result["parameters"] if r["name"] == name) for name in ("k1", "kn1"))
         if even:
@@ -97,7 +94,7 @@ def test_mirror_images_of_one_law_are_the_same_but_for_the_direction(tmp_path, r
 
 
 def test_three_results_stand_side_by_side(tmp_path, run_cli):
-    def change(result: dict[str, Any]) -> None:
+    def change(result: dict) -> None:
         for row in result["parameters"]:
             value, error = (row["refined"][name] for name in ("value", "standard_error"))
             row["refined"] |= {"interval": [value - 2 * error, value + 2 * error], "interval_by": "profile"}

@@ -12,7 +12,6 @@ from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import jinja2
 import numpy as np
@@ -60,14 +59,12 @@ def hostile_titles() -> list[str]:
     return titles
 
 
-def parts_of(found: Identification = IDENTIFICATION, comparison: Comparison = COMPARISON, **changes: Any):
+def parts_of(found: Identification = IDENTIFICATION, comparison: Comparison = COMPARISON, **changes):
     subject = Subject.of_case(cubic_case(**changes), found)
     return Parts(subject, SURFACE, found, comparison, PREDICTION, check_printed(subject, found))
 
 
-def page(
-    found: Identification = IDENTIFICATION, drawings: Sequence[Any] | None = None, **changes: Any
-) -> str:
+def page(found: Identification = IDENTIFICATION, drawings=None, **changes) -> str:
     drawings = empty_drawings() if drawings is None else drawings
     return render_page(page_context(parts_of(found, **changes), drawings, {"Versions": "rsgen"}))
 
@@ -171,7 +168,7 @@ def test_a_missing_value_is_an_error():
         page_environment().get_template("report/report.html").render({"title": "x"})
 
 
-def strict(text: str) -> Any:
+def strict(text: str):
     """Read JSON without NaN and infinity, which are none."""
     return json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
 
@@ -377,7 +374,7 @@ def test_findings_of_a_prediction_stand_in_the_one_list(tmp_path, run_cli):
 def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked_beyond_the_band():
     _, found = quintic()
     assert "beyond" not in report_page.resonance_course(found)[0].names
-    table: Any = SimpleNamespace(amplitude=np.array([4e-4, 6e-4]))
+    table = SimpleNamespace(amplitude=np.array([4e-4, 6e-4]))
     (course,) = report_page.resonance_course(found, report_page.resonance_at_ends(found, tables.Modal(table)))
     assert (course["amplitude_first"], course["amplitude_last"]) == (4e-4, 6e-4)
     (cut,) = report_page.resonance_course(replace(found, frequency_range=(16.5, 21.0)))

@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from string import Formatter
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -29,14 +28,14 @@ CHOICES = {
 """Findings whose names are chosen from a list."""
 
 
-class Everything(defaultdict[str, Any]):
+class Everything(defaultdict):
     """A mapping that has every name, where one of the plain kind has those that it was asked for."""
 
     def __contains__(self, name: object) -> bool:
         return True
 
 
-def sample(code: str, size: float, mapping: type[defaultdict[str, Any]] = defaultdict, **choices: str) -> Any:
+def sample(code: str, size: float, mapping: type[defaultdict] = defaultdict, **choices: str):
     """A finding that has every number and every name it is asked for."""
 
     class Sample(SimpleNamespace):
@@ -116,7 +115,7 @@ def test_shares_beyond_all_reason_are_one_power_of_ten():
 
 
 # every code of the schema 1 of result.json, with the numbers and names that its sentence had
-CODES_OF_SCHEMA_1: dict[str, Any] = json.loads(Path(__file__).with_name("schema_1.json").read_text("utf-8"))
+CODES_OF_SCHEMA_1 = json.loads(Path(__file__).with_name("schema_1.json").read_text("utf-8"))
 
 
 @pytest.mark.parametrize("severity", ["info", "doubt"])
