@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import accumulate
 from pathlib import Path
 
 FAULTS = Path(__file__).with_name("faults.toml")
@@ -72,27 +73,19 @@ def _definitions(tree: ast.AST, before: str = "") -> Iterator[tuple[str, ast.Fun
             yield from _definitions(node, f"{before}{node.name}.")
 
 
-def _places(root: Path, module: str, name: str) -> Iterator[Place]:
-    """Where the functions of this qualified name are in a module; properties may have several."""
-    file = Path(*module.split(".")).with_suffix(".py")
-    if not (root / file).is_file():
-        return
-    text, tree = _parsed(root / file)
-    lines = text.splitlines(keepends=True)
-    for found, node in _definitions(tree):
-        if found == name:
-            start, stop = ("".join(lines[:end]) for end in (node.lineno - 1, node.end_lineno))
-            yield Place(file, text, len(start), len(stop))
-
-
 def find_place(fault: Fault, root: Path) -> Place:
     """Where the function of a fault is in a checkout: in its module, or a template."""
     module, _, name = fault.function.partition(":")
-    if name:
-        found = list(_places(root, module, name))
-    else:
-        files = {path: path.read_text(encoding="utf-8") for path in sorted((root / "rsgen").rglob(module))}
-        found = [Place(path.relative_to(root), text, 0, len(text)) for path, text in files.items()]
+    file, found = Path(*module.split(".")).with_suffix(".py"), list[Place]()
+    if not name:
+        for path in (root / "rsgen").rglob(module):
+            text = path.read_text(encoding="utf-8")
+            found.append(Place(path.relative_to(root), text, 0, len(text)))
+    elif (root / file).is_file():
+        text, tree = _parsed(root / file)
+        ends = [0, *accumulate(map(len, text.splitlines(keepends=True)))]
+        nodes = (node for one, node in _definitions(tree) if one == name)
+        found += [Place(file, text, ends[node.lineno - 1], ends[node.end_lineno]) for node in nodes]
     if len(found) != 1:
         raise FaultError(f"{fault.name}: {len(found)} places are {fault.function}; one is needed")
     return found[0]
@@ -101,7 +94,5 @@ def find_place(fault: Fault, root: Path) -> Place:
 def is_there(test: str, root: Path) -> bool:
     """Whether the file of a test id and its function are there."""
     file, _, name = test.partition("::")
-    wanted = name.partition("[")[0].replace("::", ".")
-    if not (root / file).is_file():
-        return False
-    return not wanted or any(found == wanted for found, _ in _definitions(_parsed(root / file)[1]))
+    found = _definitions(_parsed(root / file)[1]) if (root / file).is_file() else ()
+    return name.partition("[")[0].replace("::", ".") in {one for one, _ in found}
