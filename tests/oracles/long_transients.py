@@ -26,7 +26,6 @@ def largest_difference(oscillator: Oscillator, surface: ResponseSurface, sample:
     F, omega = surface.force[points], surface.omega[points]
     force = np.column_stack([F.real, F.imag])
     state = np.zeros((kernel.rows.count, len(points)))
-    repeats = np.zeros(len(points), dtype=bool)
     found = np.full(len(points), complex(np.nan, np.nan))
     active = np.arange(len(points))
     for _ in range(_LOOKS):
@@ -42,10 +41,10 @@ def largest_difference(oscillator: Oscillator, surface: ResponseSurface, sample:
         state[:, active] = moved.state
         # a mass that friction holds does not move at all: nothing changes, and the size is none
         done = change <= _REPEATS * size
-        repeats[active[done]] = True
         found[active[done]] = moved.harmonics[done, 1]
         active = active[~done & np.isfinite(size)]
     X = surface.harmonics[points, 1]
+    repeats = np.isfinite(found)
     both = repeats & surface.settled[points]
     gap, amplitude = np.abs(X - found), np.abs(found)
     relative = np.divide(gap, amplitude, out=np.where(gap > 0, np.inf, 0.0), where=amplitude > 0)

@@ -278,21 +278,16 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     assert not killed.exists()
 
 
-class Pool:
+def answered(answer: object) -> Future:
+    future: Future = Future()
+    (future.set_exception if isinstance(answer, Exception) else future.set_result)(answer)
+    return future
+
+
+def pool(answers: Sequence[object]) -> Mock:
     """A pool of one process: each answer is a value, or a fault of the process, which then is gone."""
-
-    def __init__(self, answers: Sequence[object]) -> None:
-        self.answers = list(answers)
-
-    def submit(self, call: Callable, *args: object) -> Future:
-        future: Future = Future()
-        if call is not os.getpid:
-            answer = self.answers.pop(0)
-            (future.set_exception if isinstance(answer, Exception) else future.set_result)(answer)
-        return future
-
-    def shutdown(self, **how: bool) -> None:
-        pass
+    given = map(answered, answers)
+    return Mock(**{"submit.side_effect": lambda call, *_: Future() if call is os.getpid else next(given)})
 
 
 KILLED = BrokenProcessPool("killed")
@@ -303,7 +298,7 @@ def answers(monkeypatch):
     """Let pools be given ones: answers, or why it cannot be begun; give what three calls came to."""
 
     def run(number: int, *pools: Sequence[object] | Exception) -> list[object]:
-        begun = [pool if isinstance(pool, Exception) else Pool(pool) for pool in pools]
+        begun = [one if isinstance(one, Exception) else pool(one) for one in pools]
         executor = "rsgen.app.study.many_cases.ProcessPoolExecutor"
         monkeypatch.setattr(executor, Mock(side_effect=begun))
         with local_workers(number) as submit:
@@ -319,9 +314,8 @@ def test_where_one_process_cannot_be_begun_others_take_its_calls_and_without_any
     assert answers(2, ["a", "b", "c"], OSError("too many open files")) == ["a", "b", "c"]
     found = answers(2, RuntimeError("can't start new thread"), *[OSError("no semaphores")] * 3)
     assert [str(fault) for fault in found] == ["no semaphores"] * 3
-    path, future = write_case(tmp_path), Future()
-    future.set_exception(found[0])
-    (fault,) = _outcome(future, load_case(path)).faults
+    path = write_case(tmp_path)
+    (fault,) = _outcome(answered(found[0]), load_case(path)).faults
     assert fault.startswith(f"{path}: its worker was lost or could not be begun")
     assert fault.endswith("try it alone with --jobs 1 (OSError: no semaphores)")
 
