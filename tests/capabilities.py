@@ -19,7 +19,7 @@ from rsgen.app.cli import main
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import BACKGROUNDS, OFFSET
 from tests.case_files import Changes, law, write_small
-from tests.surfaces import changed, without_phase
+from tests.surfaces import changed, distorted, without_phase
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUTH = {"k": 5920.0, "k3": 3e5, "c": 6.0}
@@ -185,15 +185,6 @@ def _joined(table: rs.ResponseSurface) -> rs.ResponseSurface:
     return changed(table, force=force[:, 1], force_harmonics=force, across=across)
 
 
-def _distorted(table: rs.ResponseSurface) -> rs.ResponseSurface:
-    """Add a third harmonic of 2 % to the force, and the response to it."""
-    force = np.zeros((len(table), 4), dtype=complex)
-    force[:, 1], force[:, 3] = table.force, 0.02j * np.abs(table.force)
-    harmonics = np.array(table.harmonics)
-    harmonics[:, 3] += force[:, 3] / (TRUTH["k"] + 3j * TRUTH["c"] * table.omega - 9 * MASS * table.omega**2)
-    return rs.ResponseSurface(table.level, table.frequency, force, harmonics, sweep="rest")
-
-
 JOINT = 4e6
 JOINTS = ("kl*x", "kl*x + cj*v", "Ff*sign(v)", "k5*x**5")
 _JOINED = [rs.make_element("wing", LAW), rs.make_element("joint", "kj*x**3", across="gauge")]
@@ -211,7 +202,7 @@ MODIFIERS = {
     ),
     "no phase": Row(_FORCED, change=without_phase),
     "given mass": Row(_FORCED, {"mass": MASS}),
-    "harmonics of the force": Row(_FORCED, change=_distorted),
+    "harmonics of the force": Row(_FORCED, change=distorted),
 }  # fmt: skip
 
 

@@ -83,6 +83,14 @@ def noisy(table: ResponseSurface, relative: float, seed: int) -> ResponseSurface
     return changed(table, harmonics=harmonics, force=table.force * (1 + relative * noise((len(table),))))
 
 
+def distorted(table: ResponseSurface) -> ResponseSurface:
+    """A shaker whose third harmonic is 2 % of its force, as a linear spring and ``MASS`` respond to it."""
+    force, harmonics = np.zeros((len(table), 4), dtype=complex), np.array(table.harmonics)
+    force[:, 1], force[:, 3] = table.force, 0.02j * table.force
+    harmonics[:, 3] += force[:, 3] / (5920.0 - 9 * MASS * table.omega**2)
+    return ResponseSurface(table.level, table.frequency, force, harmonics, sweep="rest")
+
+
 def without_phase(table: ResponseSurface) -> ResponseSurface:
     """What an instrument keeps that shows amplitudes only."""
     sizes = np.zeros((len(table), 2), dtype=complex)

@@ -21,7 +21,6 @@ import zipfile
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
 SECONDS = 600  # of a step; longer ones hang: the slowest, installing over a slow line, takes a minute or two
@@ -48,12 +47,8 @@ class WheelError(Exception):
     """The package does not work outside its repository."""
 
 
-class Environment(NamedTuple):
-    """An empty environment to be: its name, the Python it is made with, and how the packages are chosen."""
-
-    name: str
-    python: str
-    options: tuple[str, ...] = ()
+Environment = tuple[str, str, tuple[str, ...]]
+"""An empty one to be: its name, the Python it is made with, and how the packages are chosen."""
 
 
 def declared_versions() -> list[str]:
@@ -125,13 +120,13 @@ def build(out: Path) -> Path:
 
 
 def install(environment: Environment, wheel: Path, folder: Path) -> Path:
-    place = folder / "venv"
-    call([environment.python, "-m", "venv", place], folder)
+    (_, made_with, options), place = environment, folder / "venv"
+    call([made_with, "-m", "venv", place], folder)
     python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     words: list[str | Path] = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    if environment.options == LOWEST:
+    if options == LOWEST:
         words = [*UV, "--python", python]
-    call([*words, *environment.options, wheel], folder, PYTHONWARNINGS="default")
+    call([*words, *options, wheel], folder, PYTHONWARNINGS="default")
     return python
 
 
@@ -160,14 +155,14 @@ def use(python: Path, version: str, folder: Path) -> None:
 def environments(only_this: bool) -> tuple[list[Environment], list[str]]:
     """Return the environments to try and the versions of Python that are not found here."""
     if only_this:
-        return [Environment("this Python", sys.executable)], []
+        return [("this Python", sys.executable, ())], []
     found = {version: find_python(version) for version in declared_versions()}
-    made = [Environment(f"Python {version}", path) for version, path in found.items() if path]
+    made = [(f"Python {version}", path, ()) for version, path in found.items() if path]
     if lowest := found[declared_versions()[0]]:
         # newer versions of Python have no binary packages of the oldest versions of the dependencies
-        made.append(Environment("lowest versions", lowest, LOWEST))
+        made.append(("lowest versions", lowest, LOWEST))
     pinned = ("--constraint", str(ROOT / "constraints.txt"))
-    made.append(Environment("constraints.txt", sys.executable, pinned))
+    made.append(("constraints.txt", sys.executable, pinned))
     return made, [f"not found here: Python {version}" for version, path in found.items() if not path]
 
 
@@ -179,7 +174,7 @@ def tried(environment: Environment, wheel: Path, folder: Path) -> bool:
         use(install(environment, wheel, folder), wheel.name.split("-")[1], folder)
     except WheelError as fault:
         result = f"DOES NOT WORK: {fault}"
-    print(f"{environment.name}: {result} ({time.monotonic() - begin:.0f} s)", flush=True)
+    print(f"{environment[0]}: {result} ({time.monotonic() - begin:.0f} s)", flush=True)
     shutil.rmtree(folder, ignore_errors=True)
     return result == "works"
 
@@ -200,7 +195,7 @@ def main() -> int:
             # uv does not know the settings of pip
             call([*UV, "--target", place / "probe", "--dry-run", "--no-deps", "sympy"], place)
         except WheelError:
-            chosen = [environment for environment in chosen if environment.options != LOWEST]
+            chosen = [environment for environment in chosen if environment[2] != LOWEST]
             absent.append("uv reaches no packages: lowest versions")
         works = [tried(one, wheel, place / str(number)) for number, one in enumerate(chosen)]
     for reason in absent:

@@ -17,19 +17,11 @@ from tests.attacks.expressions import answer, text_of
 SECONDS = 5.0  # work allowed for an answer
 
 
-def fraction(depth: int, inner: str = "x + b") -> str:
-    text = inner
-    for number in range(depth):
-        text = f"x + k{number} + c/({text})"
-    return f"c/({text})"
-
-
 QUICK = {
-    "fraction": fraction(5), "deep fraction": fraction(16),
-    "fraction with a corner": fraction(8, "c + abs(x)"), "tan": "tan(1e300)*x", "exp": "exp(1e300) + c*v",
-    "power": "x**(10**9)",
-    # oscillation at a switch, numbers that cannot be compared, endless recursion in the algebra library
-    **{f"text {number}": text_of(number, 1)[1] for number in (10177, 14525, 17344, 17442, 19450)},
+    "tan": "tan(1e300)*x", "exp": "exp(1e300) + c*v", "power": "x**(10**9)",
+    # deep fractions, that of 346 with a corner; oscillation at a switch, numbers that cannot be compared,
+    # endless recursion in the algebra library
+    **{f"text {number}": text_of(number, 1)[1] for number in (15, 346, 10177, 14525, 17344, 17442, 19450)},
 }  # fmt: skip
 # texts, and laws with the equation of a state, that once ended in a fault or took minutes
 ONCE = {

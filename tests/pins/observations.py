@@ -67,16 +67,6 @@ def without_phase(law: str, kind: str = "none") -> Tree:
     return of(law, surfaces.without_phase(beside(kind, law)), background=kind)
 
 
-def _force_harmonics() -> Tree:
-    """A shaker whose third harmonic is 2 % of its force, as the response to it is recorded."""
-    table = small("cubic", NOISE)
-    force = np.zeros((len(table), 4), dtype=complex)
-    force[:, 1], force[:, 3] = table.force, 0.02j * table.force
-    harmonics = np.array(table.harmonics)
-    harmonics[:, 3] += force[:, 3] / (5920.0 - 9 * MASS * table.omega**2)
-    return of("cubic", ResponseSurface(table.level, table.frequency, force, harmonics, sweep="rest"))
-
-
 def _unsettled() -> Tree:
     """A point that did not settle, one that was not measured, and one that lies far off."""
     table = small("cubic", NOISE)
@@ -125,7 +115,7 @@ PINS = {
     "readings/fundamental-only": Pin(
         lambda: of("cubic", fundamentals(small("cubic", NOISE), sweep="rest"))
     ),
-    "readings/force-harmonics": Pin(_force_harmonics),
+    "readings/force-harmonics": Pin(lambda: of("cubic", surfaces.distorted(small("cubic", NOISE)))),
     "declared/hold-out": Pin(lambda: of("cubic", small("cubic", NOISE), hold_out=(6.0,))),
     "declared/band": Pin(lambda: of("cubic", small("cubic", NOISE), band=(9.0, 11.0))),
     "declared/uncalibrated": Pin(lambda: of("cubic", small("cubic", NOISE), calibrated=False)),
