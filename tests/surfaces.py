@@ -64,6 +64,13 @@ def changed(table: ResponseSurface, **columns: object) -> ResponseSurface:
     return ResponseSurface(**{f.name: getattr(table, f.name) for f in fields(table)} | columns)
 
 
+def joined(*tables: ResponseSurface) -> ResponseSurface:
+    """The points of several surfaces, one after the other."""
+    names = [f.name for f in fields(tables[0]) if isinstance(getattr(tables[0], f.name), np.ndarray)]
+    columns = {name: np.concatenate([getattr(one, name) for one in tables]) for name in names}
+    return changed(tables[0], **columns)
+
+
 def beside(table: ResponseSurface, motion: np.ndarray | complex, **columns: object) -> ResponseSurface:
     """The same surface, a motion [m] added to each fundamental, with some columns replaced."""
     harmonics = np.array(table.harmonics)

@@ -30,7 +30,7 @@ from rsgen.identification.resonance import as_identification
 from rsgen.law.motion import Motion
 from rsgen.report.figures.equivalent import dissipated_energy, measured_energy, mode_surface
 from tests.oracles.swept import sweep
-from tests.surfaces import LAWS, changed, codes, model, noisy, surface
+from tests.surfaces import LAWS, changed, codes, joined, model, noisy, surface
 from tests.virtual import fundamentals, multisine, only, simulated
 
 EXACT = 1e-5
@@ -159,9 +159,7 @@ def test_a_sweep_that_does_not_reach_its_resonance_is_named(sweep: str, band: tu
         simulate(truth, SimulatedTest([1.0, 4.0, 8.0], np.linspace(*band, 57) + 0.01 * shift, sweep=way))
         for shift, way in enumerate(ways)
     ]
-    columns = {name: [getattr(run, name) for run in runs] for name in runs[0].columns}
-    both = {name: np.concatenate(parts) for name, parts in columns.items() if np.ndim(parts[0])}
-    found = identify(changed(runs[0], **both), truth.force)
+    found = identify(joined(*runs), truth.force)
     findings = [f for f in predict(found).findings if f.code == "prediction-extrapolated"]
     assert [finding.names["by"] for finding in findings] == ([by] if by else [])
     for finding in findings:
@@ -382,12 +380,14 @@ def true_multipliers(omega, force, start):
     """Integrate a motion next to the stop and its equations of variation; refine its start."""
 
     def rates(t, state):
-        x, v = state[:2]
+        x, v, *near = state
         spring = 2e4 * x + 2e5 * max(x - 1e-4, 0)
-        slope = 2e4 + 2e5 * (x > 1e-4)
-        moved = [state[3], -(slope * state[2] + 3 * state[3]) / 1.2]
-        moved += [state[5], -(slope * state[4] + 3 * state[5]) / 1.2]
-        return [v, (force * np.cos(omega * t) - spring - 3 * v) / 1.2, *moved]
+        slope = np.array([[0, 1], [-(2e4 + 2e5 * (x > 1e-4)) / 1.2, -3 / 1.2]])
+        return [
+            v,
+            (force * np.cos(omega * t) - spring - 3 * v) / 1.2,
+            *(slope @ np.reshape(near, (2, 2))).flat,
+        ]
 
     period = 2 * np.pi / omega
     for _ in range(6):
@@ -395,7 +395,7 @@ def true_multipliers(omega, force, start):
             rates, (0, period), [*start, 1, 0, 0, 1], rtol=1e-9, atol=1e-13, max_step=period / 300
         )
         end = run.y[:, -1]
-        change = np.array([end[[2, 4]], end[[3, 5]]])
+        change = end[2:].reshape(2, 2)
         start = start + np.linalg.solve(change - np.eye(2), start - end[:2])
     turn = np.exp(-1j * omega * run.t)
     return np.linalg.eigvals(change), 2 * abs(np.trapezoid(run.y[0] * turn, run.t)) / period

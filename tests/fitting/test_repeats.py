@@ -1,14 +1,12 @@
 """Laws of repeats: joined to means they give the same estimate, and standard errors from their scatter."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
 from rsgen import ResponseSurface, identify
 from rsgen.identification.fitting.repeats import Repeats, gather_repeats
-from tests.surfaces import changed, distances, model, noisy, surface, truth
-from tests.virtual import only, simulated
+from tests.surfaces import changed, distances, joined, model, noisy, surface, truth
+from tests.virtual import fundamentals, only, simulated
 
 READINGS, NOISE = 8, 0.01
 
@@ -21,12 +19,7 @@ def repeated(table: ResponseSurface, seed: int, noise: float = NOISE) -> Respons
         part, turn = noisy(table, noise, 100 * seed + reading), np.exp(2j * np.pi * random.random(len(table)))
         turned = part.harmonics * turn[:, None] ** orders
         parts.append(changed(part, force=part.force * turn, harmonics=turned))
-    together = {
-        f.name: np.concatenate([getattr(part, f.name) for part in parts])
-        for f in fields(ResponseSurface)
-        if isinstance(getattr(table, f.name), np.ndarray)
-    }
-    return changed(table, **together)
+    return joined(*parts)
 
 
 @pytest.fixture(scope="module")
@@ -101,12 +94,8 @@ def test_the_error_of_a_mean_of_two_is_half_of_their_difference():
 def test_two_branches_side_by_side_are_no_repeats():
     law = "c*v + Piecewise((k1*x, abs(x) <= b), (k2*x + b*(k1 - k2)*sign(x), True))"
     gap = law, {"k1": 32250.0, "k2": 58000.0, "b": 4e-4, "c": 4.0}, [0.25, 0.5, 0.9, 1.5], (27, 40, 60), 0.85
-    both = [noisy(simulated(*gap, sweep=way), 3e-3, 1) for way in ("up", "down")]
-    names = ("level", "frequency", "force")
-    level, tested, force = (np.concatenate([getattr(table, name) for table in both]) for name in names)
-    response = np.concatenate([table.harmonics[:, 1] for table in both])
-    rows = np.lexsort((tested, level))
-    mixed = ResponseSurface(level[rows], tested[rows], force[rows], response[rows], sweep="up")
+    both = joined(*(noisy(simulated(*gap, sweep=way), 3e-3, 1) for way in ("up", "down")))
+    mixed = fundamentals(both.select(np.lexsort((both.frequency, both.level))), sweep="up")
     found = identify(mixed, law)
     assert [(f.code, f.names["by"]) for f in found.verdict.decided_by] == [("repeats-scatter", "branch")]
 

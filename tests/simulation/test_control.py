@@ -11,6 +11,7 @@ from rsgen import RsgenError, SimulatedTest
 from rsgen.data.surface.plausibility import lag_findings
 from rsgen.dynamics.controlled import hold_states
 from rsgen.dynamics.steady_state import solve_steady_states
+from tests.surfaces import joined
 
 CASES = Path(__file__).parents[2] / "cases"
 LAW = "k*x + k3*x**3 + c*v"
@@ -52,9 +53,7 @@ def test_points_of_two_modes_are_no_backbone(second, apart):
     """The other mode is as stiff, and lighter; a band with one of them is what it takes."""
     one = locked(oscillator(), level=np.linspace(1, 12, 12))
     other = replace(one, frequency=one.frequency * second, harmonics=one.harmonics / second)
-    names = ("level", "frequency", "force", "harmonics")
-    columns = (np.concatenate([getattr(test, name) for test in (one, other)]) for name in names)
-    both = rsgen.ResponseSurface(*columns, control="phase")
+    both = joined(one, other)
     gaps = [finding.names for finding in lag_findings(both) if finding.code == "phase-gap"]
     assert gaps == ([{"overlap": "yes"}] if apart else [])
     if apart:
