@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -71,26 +70,17 @@ def read_here(monkeypatch):
     monkeypatch.setattr(sandbox, "_Process", _ReadingHere)
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What a command left: its exit code, and what it wrote to standard output and to standard error."""
-
-    code: int
-    out: str
-    err: str
-
-
 @pytest.fixture
 def run_cli(capsys):
-    """Run a command of rsgen in this process."""
+    """Run a command of rsgen in this process; it leaves its exit code and what it wrote to both outputs."""
     handler = signal.getsignal(signal.SIGTERM)
 
-    def run(*words: str | Path) -> Answer:
+    def run(*words: str | Path) -> SimpleNamespace:
         capsys.readouterr()
         with pytest.raises(SystemExit) as caught:
             main([str(word) for word in words])
         assert isinstance(caught.value.code, int)
-        return Answer(caught.value.code, *capsys.readouterr())
+        return SimpleNamespace(code=caught.value.code, **capsys.readouterr()._asdict())
 
     yield run
     signal.signal(signal.SIGTERM, handler)

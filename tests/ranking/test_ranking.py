@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -36,7 +35,7 @@ from rsgen.report.result_json import ranking_entry
 from rsgen.report.sentences import sentence
 from tests.case_files import law as case_law
 from tests.case_files import write_small
-from tests.conftest import FEW, Answer
+from tests.conftest import FEW
 from tests.oracles.memory import bouc_wen, two_masses
 from tests.surfaces import LAWS, MASS, beside, changed, codes, model, noisy, surface, truth, without_phase
 
@@ -480,7 +479,7 @@ def test_a_law_that_is_the_best_is_written_as_a_case_has_it(tmp_path: Path) -> N
 
 @pytest.mark.usefixtures("few_laws")
 def test_the_command_ranks_the_test_of_a_case(
-    tmp_path: Path, run_cli: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, run_cli, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = write_small(tmp_path)
     tested = changed(measured("cubic"), origin="measured")
