@@ -8,7 +8,7 @@ for an array some entries and their root mean square (``trees.series``). A modul
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from math import hypot, isfinite
+from math import hypot
 from pathlib import Path
 from typing import Any
 
@@ -72,26 +72,18 @@ class Pin:
     def numbers(self) -> Tree:
         """Compute the tree, or the kind of error with which rsgen refuses the task."""
         try:
-            return json.loads(json.dumps(_rounded(self.compute()), allow_nan=False))
+            text = json.dumps(self.compute(), default=_plain)
         except rsgen.RsgenError as error:
             return {"refused": type(error).__name__}
+        rounded = lambda number: float(f"{float(number):.{DIGITS - 1}e}")  # noqa: E731
+        return json.loads(text, parse_float=rounded, parse_constant=lambda name: None)
 
 
-def _rounded(tree: Tree) -> Tree:
-    """Keep what JSON has: null for what is not finite, pairs for complex numbers."""
-    if isinstance(tree, Mapping):
-        return {str(key): _rounded(value) for key, value in tree.items()}
-    if isinstance(tree, list | tuple):
-        return [_rounded(value) for value in tree]
-    if hasattr(tree, "item"):
-        tree = tree.item()
-    if isinstance(tree, complex):
-        return [_rounded(tree.real), _rounded(tree.imag)]
-    if isinstance(tree, float):
-        return float(f"{tree:.{DIGITS - 1}e}") if isfinite(tree) else None
-    if tree is None or isinstance(tree, bool | int | str):
-        return tree
-    raise TypeError(f"a pin holds numbers and texts, no {type(tree).__name__}")
+def _plain(value: Any) -> Tree:
+    """Return what JSON has in place of a complex number, a mapping or a scalar of NumPy."""
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    return dict(value) if isinstance(value, Mapping) else value.item()
 
 
 def leaves(
