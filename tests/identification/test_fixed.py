@@ -10,14 +10,10 @@ import pytest
 import rsgen
 from rsgen.cases.faults import CaseError
 from rsgen.common.finding import Finding, reasons_of, steps_once
-from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface.mode_findings import fixed_contradicted, mode_findings
 from rsgen.formula.reading import parse
-from rsgen.identification import judge
 from rsgen.identification.fitting import least_squares
-from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance
 from rsgen.identification.results.result import mass_lines
-from rsgen.law.element import as_elements
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.sentences import next_step, state_verdict
@@ -46,9 +42,7 @@ def test_a_wrong_value_is_contradicted_by_the_points(law, name, wrong):
     assert "fixed-contradicted" not in codes(rsgen.identify(test, text, fixed={name: true[name]}))
 
 
-@pytest.mark.parametrize(
-    ("times", "wrong"), [(1.006, ""), (0.995, ""), (1, "gains"), (1, "pick-up"), (1, "law")]
-)
+@pytest.mark.parametrize(("times", "wrong"), [(1.006, ""), (1, "gains"), (1, "pick-up"), (1, "law")])
 def test_a_mass_hardly_off_comes_first_where_another_leaves_noise(times, wrong):
     law = "cubic" if wrong != "law" else "combined"
     test = noisy(surface(law), 1e-3, 1)
@@ -59,27 +53,25 @@ def test_a_mass_hardly_off_comes_first_where_another_leaves_noise(times, wrong):
     assert ("fixed-contradicted" in codes(asked)) == (not wrong)
     if not wrong:
         assert [one.code for one in asked.verdict.decided_by] == ["fixed-contradicted"]
-        assert (", misfit" in str(asked), ", noise" in str(asked)) == (True, False)
         assert not codes(asked) & BLAMED
 
 
 @pytest.mark.parametrize(("times", "said"), [
-    (2.0, "factor of 2, as"), (1000.0, "of 1000, as mm from m, g from kg"), (2.2046, "pounds"),
-    (3.0, "is 3 times the one that the points show"), (100.0, "as cm from m"),
+    (3.0, "is 3 times the one that the points show"), (100.0, "as cm from m"), (2.2046, "pounds"),
     (39.478, "divided by f^2 in place of"), (6.2832, "velocities divided by f"),
-    (10.0, "9.81 or 10, as a weight from a mass, g from m/s^2 or cm from mm"), (25.4, "inches from mm"),
-    (4.448, "pounds of force"), (1.3, "response; or"),
 ])  # fmt: skip
-def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
+def test_a_wrong_mass_is_named_by_what_makes_one(times, said):
     moved = (1 - times) * MASS
     assert said in next_step(fixed_contradicted("m", times * MASS, moved, misfit=0.05, left=0.01, times=9.0))
-    if times not in (2.0, 1000.0, 1.3):
-        return
+
+
+@pytest.mark.parametrize("times", [2.0, 1000.0, 1.3])
+def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times):
     few = surface("cubic", np.linspace(2, 12, 3))
     asked = rsgen.identify(noisy(few, NOISE, 1), LAW, mass=times * MASS)
     found = only(asked, "fixed-contradicted")
     assert found["fitted"] == pytest.approx(MASS, rel=5e-3)
-    assert said in next_step(found)
+    assert found.names.get("near") == {2.0: "peak-to-peak", 1000.0: "milli"}.get(times)
     assert asked.verdict.state == ("rejected" if times > 1.5 else "doubtful")
     assert not codes(asked) & BLAMED
 
@@ -88,11 +80,6 @@ def test_a_mass_in_another_unit_is_named_and_not_the_law_blamed(times, said):
 @pytest.mark.parametrize("times", [0.01, 0.1, 9.81])
 def test_a_mass_far_off_comes_first_whatever_a_fit_makes_of_it(law, times):
     test = noisy(surface(law), NOISE, 1)
-    if law == "piecewise" and times == 0.1:
-        # not far enough for a mode, and the fit with it is led off, from where no step leads back
-        found = rsgen.identify(test, LAWS[law][0], mass=MASS / 4)
-        assert only(found, "fixed-contradicted")["fitted"] == pytest.approx(MASS, rel=0.02)
-        assert not codes(found) & BLAMED
     if (law, times) in (("cubic", 9.81), ("piecewise", 0.1)):
         # the phase that a wrong mass turns hides none
         seen = rsgen.Observation(background="phase" if law == "piecewise" else "none")
@@ -116,7 +103,7 @@ def test_next_to_a_background_no_unit_of_the_mass_is_blamed():
 
 @pytest.mark.parametrize("order", [0, 1, 2])
 @pytest.mark.parametrize("columns", ["complex", "amplitudes"])
-def test_exchanged_channels_are_named(order, columns, monkeypatch):
+def test_exchanged_channels_are_named(order, columns):
     test = noisy(surface("cubic"), NOISE, 1)
     rate = (1j * test.omega) ** order
     pushed, moved = test.harmonics[:, 1] * rate, test.force
@@ -125,13 +112,10 @@ def test_exchanged_channels_are_named(order, columns, monkeypatch):
     read = fundamentals(test, moved / rate, pushed)
     (said,) = mode_findings(read, MASS)
     assert said.names["is"] == "exchanged"
-    assert next_step(said).startswith("Exchange the columns of force and response")
     assert not mode_findings(test, MASS)
     if (order, columns) == (0, "complex"):
         found = rsgen.identify(read, LAW)
         assert found.verdict.decided_by[0].names.get("is") == "exchanged"
-        monkeypatch.setattr(AmplitudeBalance, "peak", lambda *_: (np.zeros(0), np.zeros(0)))
-        assert "prediction-extrapolated" in codes(rsgen.predict(found))
 
 
 def test_the_sign_of_a_channel_is_named_and_no_negative_mass_in_place_of_a_given_one():
@@ -153,7 +137,6 @@ def test_the_sign_of_a_channel_is_named_and_no_negative_mass_in_place_of_a_given
     ({"fixed": {"m": -1.0}}, "mass: is -1 kg; a number above 0 is needed"),
     ({"fixed": [("k", 1.0)]}, "fixed: "),
     ({"mass": 1.5, "mass_error": 0.0}, "mass_error: is 0 kg; a number above 0 is needed"),
-    ({"mass": 1.5, "mass_error": -1.0}, "mass_error: is -1 kg"),
     ({"mass_error": 0.1}, "mass_error: 0.1 kg, but no mass is given"),
 ])  # fmt: skip
 def test_what_cannot_be_known_beforehand_is_refused(given, fault):
@@ -239,11 +222,10 @@ def test_a_wrong_mass_is_no_gain_of_a_level():
 
 def test_of_levels_with_several_gains_the_one_that_is_farthest_off_is_named():
     test = surface("coulomb")
-    by = np.where(test.level == test.levels[0], 1.05, np.where(test.level == test.levels[2], 0.97, 1))
+    by = np.select([test.level == test.levels[0], test.level == test.levels[2]], [1.05, 0.97], 1.0)
     found = rsgen.identify(fundamentals(test, test.harmonics[:, 1] * by), LAWS["coulomb"][0])
     said = only(found, "law-does-not-fit")
-    assert (said["level"], "gain" in said.numbers) == (test.levels[0], False)
-    assert said["factor"] == pytest.approx(1 / 1.05, rel=0.02)
+    assert (said["level"], said["factor"]) == (test.levels[0], pytest.approx(1 / 1.05, rel=0.02))
 
 
 @pytest.mark.parametrize("pair", [(0, 1), (2, 3)])
@@ -268,10 +250,7 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
     # the cause comes first, and what follows from it has neither a sentence nor a step of its own
     assert len(stated["sentences"]) > 1
     assert reasons_of(stated)[0] == stated["sentences"][0]
-    assert reasons_of(stated)[1].startswith("What else is found may follow from that: ")
     assert steps_once(stated) == [next_step(said)]
-    by_force = Finding("levels-swapped", "doubt", numbers={"low_measured": low, "high_measured": high})
-    assert next_step(by_force) == next_step(said)
 
 
 @pytest.mark.parametrize("place", [0, 1, 3])
@@ -340,17 +319,13 @@ def two_sides() -> rsgen.ResponseSurface:
 def test_what_a_given_mass_moves_is_that_of_the_fit():
     asked = rsgen.identify(two_sides(), TWO_SIDES, mass=0.5)
     assert asked.verdict.state == "identified"
-    name, moves, (line, common) = asked.outcome.names["moves"], asked.outcome["moves"], mass_lines(asked)
+    name, moves, (line, _) = asked.outcome.names["moves"], asked.outcome["moves"], mass_lines(asked)
     less, more = (rsgen.identify(two_sides(), TWO_SIDES, mass=m)[name].value for m in (0.4995, 0.5005))
     assert moves == pytest.approx((more - less) / asked[name].value / 2e-3, rel=0.1)
     assert f"0.1 % of m moves {name} by about −{-moves / 10:.2g} %" in line
-    # of this law both rms read as peak moves the quadratic damper alone
-    assert "read as peak, c2 is 1.41 times too large (or the reverse)" in common
     assert mass_lines(asked, rms=True) == [line]
     cubic = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAW, mass=MASS)
-    line, common = mass_lines(cubic)
-    assert line.endswith("1 % of m moves the linear stiffness by about 1 %")
-    assert "read as peak, kn is 2 times too large (or the reverse)" in common
+    assert "read as peak, kn is 2 times too large (or the reverse)" in mass_lines(cubic)[1]
 
 
 @pytest.mark.parametrize("mass", [0.4975, 0.504])
@@ -368,10 +343,6 @@ def test_a_mass_with_an_error_is_one_more_equation():
         assert asked[name].interval[0] < true < asked[name].interval[1]
     assert asked["m"].standard_error < 0.005
     assert mass_lines(asked)[0].startswith("m, given as 0.505 ± 0.005 kg (standard error), is with the test")
-    # a wrong law moves a mass by many of its errors, and widens what it has
-    off = {"value": 0.525, "standard_error": 0.006}
-    moved = tuple(replace(one, **off) if one.name == "m" else one for one in asked)
-    assert "0.525 ± 0.006 kg, 4 times that error off" in mass_lines(replace(asked, refined=moved))[0]
     assert not asked.fixed
     assert "moves" not in asked.outcome.numbers
     # a symmetric law with a background fits as well where the mass allows what it moves, three of 0.3 g
@@ -394,16 +365,14 @@ def test_a_mass_with_an_error_is_between_one_that_is_exact_and_one_that_is_not_k
     assert asked.standard_error == pytest.approx(told.standard_error / 2**0.5, rel=0.05)
 
 
-@pytest.mark.parametrize("noise", [0.0, NOISE])
-def test_a_mass_many_of_its_errors_off_is_contradicted(noise):
-    test = noisy(surface("cubic"), noise, 1) if noise else surface("cubic")
+def test_a_mass_many_of_its_errors_off_is_contradicted():
+    test = noisy(surface("cubic"), NOISE, 1)
     for off, said in ((2, []), (6, ["fixed-contradicted"])):
         asked = rsgen.identify(test, LAW, mass=MASS + 0.01 * off, mass_error=0.01)
         assert [one.code for one in asked.verdict.decided_by] == said
         assert asked["m"].value == pytest.approx(MASS, rel=2e-3)
     (found,) = asked.verdict.decided_by
     assert found["fitted"] == pytest.approx(MASS, rel=2e-3)
-    assert "± 10 g (" in str(found)
     # an error that is much smaller than one per cent, which no engineer weighs by, is taken at its word
     told = rsgen.identify(test, LAW, mass=0.995 * MASS, mass_error=5e-4 * MASS)
     assert [one.code for one in told.verdict.decided_by] == ["fixed-contradicted"]
@@ -426,10 +395,3 @@ def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
     assert (table.mass, table.mass_error) == pytest.approx((MASS, 0.02 * MASS))
     with pytest.raises(rsgen.RsgenError, match="a term of the law without a free factor"):
         rsgen.identify(shaken, "5920*x + kn*x**3 + c*v", **given)
-
-
-def test_a_mass_in_g_is_named_where_no_point_follows_the_law():
-    model, none = Model(as_elements(TWO_SIDES), 0.5e-3), np.zeros(len(two_sides()), dtype=bool)
-    assert join_model(model, mass_error=0.01).weighed == (0.5e-3, 0.01)
-    with pytest.raises(rsgen.RsgenError, match=r"is m = 0\.0005 kg its mass \(the points show about 0\.5"):
-        judge._require_followed(none, model, two_sides())

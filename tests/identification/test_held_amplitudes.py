@@ -92,7 +92,6 @@ def test_real_amplitudes_with_a_complex_force_are_its_phase_reference():
 
 
 @pytest.mark.parametrize(("level", "control", "said"), [
-    (1.0, "force", "the test held its response"),
     (1e4, "force", "the test held its response"),
     (1000.0, "response", "the amplitude that was held is 300 µm, 0.001 times as much"),
     (None, "response", "as where the measured amplitudes were given as levels"),
@@ -106,14 +105,12 @@ def test_levels_are_compared_with_the_amplitudes_that_were_held(level, control, 
     assert said in "".join(found)
 
 
-@pytest.mark.parametrize("base", ["acceleration", "displacement"])
-def test_a_response_that_was_held_over_a_driven_base_is_said(base):
+def test_a_response_that_was_held_over_a_driven_base_is_said():
     test = held(1e-4, 3e-4, seed=0)
-    amount = np.median(np.abs(test.force)) / (test.omega.mean() ** 2 if base == "displacement" else 1)
-    level = amount * test.level / test.level.max()
-    (found,) = level_findings(fundamentals(test, level=level, base=base))
+    level = np.median(np.abs(test.force)) / test.omega.mean() ** 2 * test.level / test.level.max()
+    (found,) = level_findings(fundamentals(test, level=level, base="displacement"))
     assert rs.sentence(found).endswith("the response hardly: the test held its response")
-    assert (found.names["base"], found.severity) == (base, "doubt")
+    assert (found.names["base"], found.severity) == ("displacement", "doubt")
 
 
 def test_a_response_that_varies_under_a_held_force_was_not_held():
@@ -121,13 +118,6 @@ def test_a_response_that_varies_under_a_held_force_was_not_held():
     free = test.harmonics[:, 1] / test.force
     surface = rs.ResponseSurface(test.level, test.frequency, np.ones(len(free)), free, control="response")
     assert [found.code for found in level_findings(surface)] == ["response-not-held"]
-
-
-def test_a_ranking_says_that_the_structure_feeds_its_exciter():
-    test = held(1e-4, 3e-4, seed=0)
-    turned = fundamentals(test, force=test.force.conj(), control="response")
-    ranking = rs.rank(turned, ["k*x + c*v"], mass=MASS, terms_in_sum=1)
-    assert ranking.verdict.decided_by[0].code == "structure-feeds-exciter"
 
 
 def test_a_fit_that_did_not_converge_blames_no_delay():

@@ -13,7 +13,6 @@ from rsgen.identification.profile import Profile, _Likelihood, profile, with_pro
 from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.results.result import EquivalentCurve, Estimate
 from rsgen.report.page_tables import _estimate_cell, estimate_table
-from rsgen.report.sentences import sentence
 from tests.surfaces import codes
 from tests.virtual import fundamentals, simulated
 
@@ -97,24 +96,19 @@ def test_a_stop_that_is_barely_touched_is_bounded_to_one_side():
     assert found["b"].identifiable
 
 
-@pytest.mark.parametrize(("shape", "name", "value", "side"), [
-    ("v/vs", "vs", None, 0), ("v/vs", "vs", 2e-2, 0), ("a*v", "a", 50.0, 1),
-    pytest.param("a*v", "a", None, 1, marks=pytest.mark.thorough),
-])  # fmt: skip
-def test_a_friction_too_sharp_for_the_test_is_bounded_and_not_identified(shape, name, value, side):
+@pytest.mark.parametrize("width", [None, 2e-2])
+def test_a_friction_too_sharp_for_the_test_is_bounded_and_not_identified(width):
     # a period of 64 samples does not resolve a steep tanh, and the balance is no data on how steep it is
-    law = f"k*x + c*v + Ff*tanh({shape})"
-    true, known = ("k*x + c*v + Ff*sign(v)", {}) if value is None else (law, {name: value})
-    values = {"k": 1.2e4, "c": 1.5, "Ff": 0.25, **known}
-    test = simulated(true, values, PLATE, (15, 24, 46), 0.8, noise_relative=0.005, seed=2)
-    estimate = identify(test, law)[name]
-    if value is None:
-        assert not estimate.identifiable
-        assert estimate.interval[side] == (-np.inf, np.inf)[side]
-        assert estimate.cells[2].startswith(("at most ", "at least ")[side])
+    law, values = "k*x + c*v + Ff*tanh(v/vs)", {"k": 1.2e4, "c": 1.5, "Ff": 0.25}
+    true, known = ("k*x + c*v + Ff*sign(v)", {}) if width is None else (law, {"vs": width})
+    test = simulated(true, values | known, PLATE, (15, 24, 46), 0.8, noise_relative=0.005, seed=2)
+    estimate = identify(test, law)["vs"]
+    assert estimate.identifiable == (width is not None)
+    if width is None:
+        assert estimate.interval[0] == -np.inf
+        assert estimate.cells[2].startswith("at most ")
     else:
-        assert estimate.identifiable
-        assert estimate.interval[0] < value < estimate.interval[1]
+        assert estimate.interval[0] < width < estimate.interval[1]
 
 
 @pytest.mark.parametrize(("interval", "words"), [
@@ -142,18 +136,13 @@ def not_simulated(monkeypatch):
 
 
 PLATE = [0.8, 1.5, 3.0, 4.5]
-_STRIBECK = "c*v + k*x + (Fc + Fd*exp(-{}))*sign(v) + k3*x**3"
 
 
 @pytest.mark.usefixtures("not_simulated")
-@pytest.mark.parametrize(("mass", "values", "level", "band", "seed", "shape"), [
-    (0.8, (1.2e4, 6e5, 1.5, 0.25), PLATE, (15, 24, 50), 3, "v**2/vs**2"),
-    (2.4, (8.5e4, -9e7, 6.0, 1.1), [3.0, 6.0, 10.0, 15.0], (26, 31.5, 52), 1, "abs(v)/vs"),
-], ids=["plate", "softening"])  # fmt: skip
-def test_values_that_noise_hides_are_not_determined_and_not_simulated(mass, values, level, band, seed, shape):
-    named = dict(zip(("k", "k3", "c", "Ff"), values, strict=True))
-    test = simulated(f"{CUBIC} + Ff*sign(v)", named, level, band, mass, noise_relative=5e-3, seed=seed)
-    found = identify(test, _STRIBECK.format(shape))
+def test_values_that_noise_hides_are_not_determined_and_not_simulated():
+    named, how = {"k": 1.2e4, "k3": 6e5, "c": 1.5, "Ff": 0.25}, {"noise_relative": 5e-3, "seed": 3}
+    test = simulated(f"{CUBIC} + Ff*sign(v)", named, PLATE, (15, 24, 50), 0.8, **how)
+    found = identify(test, f"{CUBIC} + (Fc + Fd*exp(-v**2/vs**2))*sign(v)")
     for name in ("Fd", "vs"):
         assert found[name].finding.code == "not-distinct-from-zero"
     for name in ("k", "k3", "c"):
@@ -186,7 +175,6 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     found = identify(test, "k*x + c*v + c3*v**3")
     assert "not-converged" in codes(found)
     assert found.outcome["identified"] == 0
-    assert "c3: it did not settle" in sentence(found["c3"].finding)
     assert not found["c3"].finding.numbers
     for estimate in found:
         assert np.isfinite(estimate.value)
@@ -196,7 +184,6 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     curve = rs.predict(found, 2.0)[2.0]
     assert np.isfinite(curve.amplitude).any()
     assert np.isnan([curve.lower, curve.upper]).all()
-    assert len(rs.compare_fits(found).fits) == 1
     assert not any("±" in row[5].note for row in estimate_table(found).rows)
 
 

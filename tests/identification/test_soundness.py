@@ -32,13 +32,6 @@ def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(table, law, curve):
     assert curve not in {finding.names["curve"] for finding in found if finding.code == "curve-negative"}
 
 
-def test_a_negative_damping_per_unit_mass_has_the_unit_of_one(table):
-    shaken = changed(table, force=table.force / MASS, base="acceleration", per_mass=True)
-    found = identify(shaken, "k*x + c*v + kn*x**3", fixed={"c": -2.0})
-    signs = [f for f in found.findings if f.code == "curve-negative"]
-    assert {f.names["curve"]: f.numbers["least"].unit for f in signs}["c(X)"] == "N*s/m/kg"
-
-
 @pytest.mark.parametrize("levels", [(0.53, 0.62), (0.53, 0.62, 0.68)])
 def test_friction_that_nearly_holds_the_mass_is_identified_by_what_moves(levels):
     """At 1.06 times the friction a hundredth of the force moves the mass; at 1.24 it stops in every cycle."""
@@ -99,24 +92,14 @@ def test_a_damper_that_feeds_energy_is_doubted(drag, term):
     assert (why.parameter, why in found.verdict.decided_by) == ("A", True)
 
 
-VAN_DER_POL = "k*x + c*(x**2/a**2 - 1)*v", {"k": 5920.0, "c": 2.0, "a": 0.004}
-STRIBECK = "k*x + c*v + (Fc + (Fs - Fc)*exp(-abs(v)/w))*sign(v)"
-BEND = {"k": 5920.0, "c": 3.0, "Fc": 0.3, "Fs": 0.8, "w": 0.1}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("truth", "values", "law"), [
-    (*VAN_DER_POL, "k*x - c*v + b*x**2*v"),
-    pytest.param(*VAN_DER_POL, VAN_DER_POL[0], marks=pytest.mark.thorough),
-    pytest.param(STRIBECK, BEND, STRIBECK, marks=pytest.mark.thorough),
-])  # fmt: skip
-def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work(truth, values, law):
+def test_a_law_that_is_active_by_design_is_judged_by_its_whole_work():
     """Motions below twice the displacement of zero damping live on the damper of van der Pol."""
+    truth, values = "k*x + c*(x**2/a**2 - 1)*v", {"k": 5920.0, "c": 2.0, "a": 0.004}
     test = simulated(truth, values, [4.0, 7.0, 10.0], (8, 12, 40), harmonics=5, accuracy=1e-7)
-    found = identify(noisy(test, 0.003, 1), law)
+    found = identify(noisy(test, 0.003, 1), "k*x - c*v + b*x**2*v")
     assert found.verdict.state == "identified"
-    for name in ({*values} & {e.name for e in found}) - {"Fc", "w"}:
-        assert found[name].value == pytest.approx(values[name], rel=0.03)
+    assert max(errors(found, {"k": 5920.0, "c": 2.0}).values()) < 0.03
 
 
 SERIES = "d1*v + d2*v*abs(v) + d3*v**3 + d4*v**3*abs(v) + t*tanh(v)"
@@ -126,9 +109,8 @@ UNDERFLOWS = "c*v + Fd*exp(-(v/vs)**2)*sign(v)"
 @pytest.mark.parametrize(("text", "changes", "feeding"), [
     (SERIES, {"d3": -4.3747e6}, []), (SERIES, {"d4": -4.3747e6}, ["d4"]), (SERIES, {"d1": -100.0}, ["d1"]),
     (SERIES, {"d1": -100.0, "d2": -1.0, "d3": 1.0}, ["d1", "d2"]), (SERIES, {"t": -100.0}, ["t"]),
-    # of a friction of no size, at the motion or at twice of it, no power of the motion is known
+    # of a friction of no size at the motion no power of the motion is known
     (UNDERFLOWS, {"c": 1.0, "Fd": -1.0, "vs": 3e-5}, ["Fd"]),
-    (UNDERFLOWS, {"c": 1.0, "Fd": -1.0, "vs": 5e-5}, ["Fd"]),
 ])  # fmt: skip
 def test_a_term_of_a_series_between_others_bends_its_curve(text, changes, feeding):
     """Eq. (26) of Liu et al.: the damping of their joint, d3 below zero, takes energy all the same."""
