@@ -153,7 +153,6 @@ def each(call, *rows):
         (lambda s: rs.rank(s, fixed={"m": 1.0}), "fixed: no argument; the mass alone can be given"),
         (lambda s: rs.Observation(delay=1e-3), "Observation: delay: .* are background, hold_out"),
     ),
-    (lambda s, f: rs.derive(["k*x"]), "law: .*; must be "),
     (lambda s, f: rs.explain("rejected"), "verdict: str; must be Verdict"),
     (lambda s, f: rs.predict(s, levels=[1]), "must be Identification or ModalTable or Oscillator"),
     (lambda s, f: rs.predict(f, levels=[]), "levels: must be one or more"),
@@ -162,7 +161,6 @@ def each(call, *rows):
     (lambda s, f: rs.load_surface("absent.h5"), "absent.h5: there is no such file"),
     (lambda s, f: rs.read("test.mat"), "test.mat: not a case .* rsgen init --from"),
     (lambda s, f: rs.figures.draw_collapse(s), "draw_collapse: ResponseSurface; must be Identification"),
-    (lambda s, f: rs.ResponseSurface([1, 1], [8, 9, 10], 1, [1j, 1j, 1j]), "as the frequency has them"),
 ])  # fmt: skip
 def test_a_wrong_argument_is_refused_in_a_sentence(surface, found, call, said):
     with pytest.raises(RsgenError, match=said):

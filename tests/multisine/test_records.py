@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.common.errors import MeasurementError
 from rsgen.data.history import TimeHistory, from_multisine
 from tests.surfaces import severities
 
@@ -71,8 +70,6 @@ def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():
     said = [one for one in begins.findings if "given" in one.numbers]
     assert [one.severity for one in said] == ["doubt"] * len(records(8))
     assert not any("given" in one.numbers for one in from_multisine(records(8), transient=0).findings)
-    with pytest.raises(MeasurementError, match="transient: -1 periods; 0 or more"):
-        from_multisine(records(4), transient=-1)
 
 
 def changed(one: TimeHistory, channel: str, gain: np.ndarray) -> TimeHistory:

@@ -73,14 +73,10 @@ def test_noise_of_both_sensors_is_in_the_errors(seed, gauge):
         rs.predict(found, [1.0])
 
 
-def test_the_highest_lines_of_the_second_sensor_stay_though_each_is_below_its_noise():
+def test_highest_lines_below_their_noise_and_lowest_above_it_are_part_of_the_motion_across():
     records = spectra(0.01, 1)
     assert (records.reach()[1] < LINES).all()
     np.testing.assert_array_equal(records.far(1.0)[..., -1], (records.across - records.response)[..., -1])
-
-
-def test_lowest_lines_above_their_noise_are_part_of_the_motion_across():
-    records = spectra(0.01, 1)
     motions = [np.array(records.response), np.array(records.across)]
     for motion in motions:
         noise = np.sqrt(scatter(motion))[:, 1:2]

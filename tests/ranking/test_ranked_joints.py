@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,7 @@ from tests.identification.test_across import (
     GAUGE,
     SENSORS,
     driven_by_a_sine,
-    scattered,
+    gauged,
     seen_by,
     with_noise,
 )  # fmt: skip
@@ -38,10 +36,7 @@ def between(*joints: str, sensors: str = SENSORS, ground: str = WING) -> list[li
 def noisy(sensors: str, noise: float) -> rs.ResponseSurface:
     """Two masses under a sine, with noise of the motion across, or of the second sensor of a difference."""
     exact, random = driven_by_a_sine(), np.random.default_rng(1)
-    if sensors != GAUGE:
-        return with_noise(exact, noise, random)
-    own = {name: scattered(getattr(exact, name), noise, random) for name in ("force", "harmonics", "across")}
-    return replace(exact, force_harmonics=None, **own)
+    return (gauged if sensors == GAUGE else with_noise)(exact, noise, random)
 
 
 @pytest.mark.parametrize("sensors", [GAUGE, SENSORS])

@@ -467,14 +467,13 @@ def test_a_run_tells_how_far_its_ranking_is_and_its_page_how_to_go_on(tmp_path: 
 
 
 def test_a_law_that_is_the_best_is_written_as_a_case_has_it(tmp_path: Path) -> None:
-    joint = make_element("joint", "kj*x + z", {"z": "sigma*v*(1 - z*sign(v)/Fc)"}, across="rotor - base")
+    memory = {"z": "sigma*v*(1 - z*sign(v)/Fc)"}
+    joint = make_element("joint", "kj*x + z", memory, across="rotor - base")
     ranking = replace(ranked("cubic"), model=Model((*BASE.elements, joint)))
     first, second = ranking.in_case.split(" and ")
     assert first == '[[element]] name = "law", force = "c*v + k*x"'
-    table = second.removeprefix("[[element]] ").replace(", ", "\n")
-    memory = {"z": "sigma*v*(1 - z*sign(v)/Fc)"}
-    joint_of_case = {"name": "joint", "across": "rotor - base", "force": "kj*x + z", "memory": memory}
-    assert tomllib.loads(table) == joint_of_case
+    table = tomllib.loads(second.removeprefix("[[element]] ").replace(", ", "\n"))
+    assert table == {"name": "joint", "across": "rotor - base", "force": "kj*x + z", "memory": memory}
 
 
 @pytest.mark.usefixtures("few_laws")

@@ -35,7 +35,6 @@ DOUBTED = [
     ("combined", "the same force at every level", {"law-does-not-fit"}),
     ("coulomb", "half of a level's points from another level", {"law-does-not-fit"}),
     ("combined", "half of a level's points noise", {"points-excluded"}),
-    ("quintic", "frequencies of one level 2 % too high", {"law-does-not-fit"}),
     ("piecewise", "frequencies of one level 2 % too high", {"level-deviates"}),
     ("cubic", "sensor overloaded at half of the largest response", {"range-reached"}),
     ("quintic", "a second mode in the band", {"law-does-not-fit"}),
