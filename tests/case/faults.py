@@ -2,7 +2,6 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -145,7 +144,7 @@ class Fault:
         return path
 
 
-def _faults() -> Iterator[Fault]:
+def _faults():
     times = Counter[str]()
     for case, rows in ((SIMULATED, OF_SIMULATED), (TABLE, OF_TABLE), (HISTORY, OF_HISTORY)):
         for changes in rows:

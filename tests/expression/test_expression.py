@@ -5,7 +5,6 @@ import json
 import math
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import mpmath
@@ -67,7 +66,7 @@ def checked_message(error: ExpressionError) -> str:
     return message
 
 
-def refusal(read: Callable[..., object], *what: object) -> str:
+def refusal(read, *what: object) -> str:
     """What is said where something is not read."""
     with pytest.raises(ExpressionError) as caught:
         read(*what)

@@ -1,6 +1,5 @@
 """Time histories of real tests and of a benchmark; skipped where the data are absent."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,7 @@ def peak(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]:
 
 
 @pytest.mark.thorough
-def test_a_level_of_the_f16_is_predicted_from_the_others(measured_data: Callable[[str], Path]) -> None:
+def test_a_level_of_the_f16_is_predicted_from_the_others(measured_data) -> None:
     # the mount follows payload minus wing, and is predicted with the motion across that was measured there
     case = load_case(CASES / "f16.toml", data=measured_data("f16").parent)
     surface = read_measurement(case.test)
@@ -45,7 +44,7 @@ def hysteresis(X: np.ndarray, omega: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law(measured_data: Callable[[str], Path]):
+def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law(measured_data):
     case = load_case(CASES / "bouc_wen.toml", data=measured_data("bouc_wen").parent)
     surface = read_measurement(case.test)
     surface = surface.select(surface.settled).select(np.arange(0, int(surface.settled.sum()), 8))

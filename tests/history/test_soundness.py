@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from rsgen.common.finding import Finding
 from rsgen.data.history import TimeHistory, record_findings
 
 RATE = 1024.0
@@ -15,7 +14,7 @@ FORCE = np.where(LIVE, np.sin(2 * np.pi * (10 * TIME + 0.1 * TIME**2)), 0.0)
 RESPONSE = np.where(LIVE, ENVELOPE * np.sin(2 * np.pi * (10 * TIME + 0.1 * TIME**2) - 1), 0.0)
 
 
-def found(response: np.ndarray, force: np.ndarray | None = FORCE) -> tuple[Finding, ...]:
+def found(response: np.ndarray, force: np.ndarray | None = FORCE):
     return record_findings(TimeHistory(RATE, force, response, "acceleration", label="a.mat"))
 
 

@@ -3,7 +3,6 @@
 import random
 import tomllib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -28,7 +27,7 @@ def receptance(frequency: np.ndarray) -> np.ndarray:
 RECEPTANCE = receptance(FREQUENCY)
 
 
-def write_levels(path, columns, delimiter=";", seed=None) -> Path:
+def write_levels(path, columns, delimiter=";", seed=None):
     """Write a row a frequency and level; with a seed the columns are in an order of chance."""
     blocks = [columns(level) for level in LEVELS]
     titles = list(blocks[0])
@@ -41,7 +40,7 @@ def write_levels(path, columns, delimiter=";", seed=None) -> Path:
     return path
 
 
-def write_table(path, head, values, delimiter=",", seed=None) -> Path:
+def write_table(path, head, values, delimiter=",", seed=None):
     """Write levels of a table whose titles ``head`` has between commas; the first is of the frequency."""
     titles = head.split(",")
     return write_levels(
@@ -55,13 +54,13 @@ def is_receptance(surface: ResponseSurface, factor=1.0) -> bool:
     return np.allclose(surface.harmonics[:, 1] / surface.force, exact, rtol=1e-6, atol=0)
 
 
-def drafted(path: Path) -> Proposal:
+def drafted(path) -> Proposal:
     proposal = propose(list_contents(path))
     assert proposal is not None
     return proposal
 
 
-def read_draft(path: Path, **entered: dict):
+def read_draft(path, **entered: dict):
     """Return the [test] tables of a draft, what they read, and its comments.
 
     ``entered`` are keys that the user enters or changes, by table of the case ("test", "response").

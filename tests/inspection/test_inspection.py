@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 
@@ -51,7 +50,7 @@ SPECTRUM = np.linspace(8, 12, 20)
 OF_EACH = [(n, f) for n in (1, 2) for f in range(40)]
 
 
-def table(path: Path, head: str, rows: Iterable[str]) -> Path:
+def table(path: Path, head: str, rows) -> Path:
     path.write_text("\n".join([head, *rows, ""]), encoding="utf-8")
     return path
 

@@ -1,7 +1,5 @@
 """Files of recorders: channels, names and units beside the numbers, points of a modal test, sheets."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import scipy.io
@@ -47,7 +45,7 @@ def test_channels_without_names_are_not_guessed_silently(tmp_path):
     assert "ch1, ch2, ch3" in doubts["test.response.samples"]
 
 
-def modal_file(path: Path, points: list[tuple[int, int, float]], titles: tuple[str, ...] = ()) -> Path:
+def modal_file(path, points: list[tuple[int, int, float]], titles: tuple[str, ...] = ()):
     """Write accelerances at nodes and directions, times a number; without titles each is called "a"."""
     named = [{"rsp_ent_name": name, "ref_ent_name": name} for name in ("NONE", "WING")]
     sets = [

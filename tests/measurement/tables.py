@@ -1,16 +1,13 @@
 """Tables as laboratories write them, and plans to read them."""
 
-from pathlib import Path
-
 import numpy as np
 
-from rsgen import ResponseSurface
 from rsgen.files.files_to_surface import read_measurement
 from rsgen.files.plan import MeasuredTest
 from rsgen.files.signals import Channel
 
 
-def write_columns(path: Path, titles: str, *columns) -> Path:
+def write_columns(path, titles: str, *columns):
     """Write columns below their titles, if there are any; a single number stands in every row."""
     rows = np.column_stack(np.broadcast_arrays(*columns))
     np.savetxt(path, rows, "%.17g", delimiter=",", header=titles, comments="")
@@ -26,11 +23,11 @@ def planned(files, frequency=1, force=2, response=3, **more) -> MeasuredTest:
     return MeasuredTest(files, frequency, force, response, **known | more)
 
 
-def read_planned(*words, **more) -> ResponseSurface:
+def read_planned(*words, **more):
     """Return what ``planned`` of the same arguments reads."""
     return read_measurement(planned(*words, **more))
 
 
-def doubts(surface: ResponseSurface) -> list[str]:
+def doubts(surface) -> list[str]:
     """Return the codes of what is doubted."""
     return [finding.code for finding in surface.findings if finding.severity == "doubt"]

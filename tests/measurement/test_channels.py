@@ -1,7 +1,5 @@
 """Channels with names: sums of them, delays, a driven base, an element across two of them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -48,7 +46,7 @@ def parts(first: int, quantity: str | None = None, **more: object) -> dict[str, 
     return {**said, "real": first, "imaginary": first + 1, "phase_sense": "lead", **more}
 
 
-def write(folder: Path, changes: Changes, level: str = "3 N", **columns) -> Path:
+def write(folder, changes: Changes, level: str = "3 N", **columns):
     """Files a.csv (frequency first) and b.csv of complex columns, and the case that reads them."""
     for name, complex_columns in columns.items():
         split = [part for values in complex_columns for part in (values.real, values.imag)]

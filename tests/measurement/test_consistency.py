@@ -1,7 +1,5 @@
 """Runs that do not fit together, and structures that would feed the exciter: copies, branches, signs."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -23,7 +21,7 @@ NOISY = np.abs(1 / (5920 - 1.5 * OMEGA**2 + 7.5j * OMEGA)) * (
 NEWTON = Channel(amplitude=2, unit="N")
 
 
-def read(*paths: Path) -> ResponseSurface:
+def read(*paths) -> ResponseSurface:
     return read_planned(paths, 1, NEWTON, Channel(amplitude=3, unit="m"), frequency_unit="Hz")
 
 
@@ -34,7 +32,7 @@ def test_a_copy_in_place_of_another_run_is_doubted(tmp_path):
     assert surface.findings[0].names == {"first": "a.csv", "second": "b.csv"}
 
 
-def steps(folder: Path, levels: tuple[float, ...], forces: tuple[float, ...]) -> ResponseSurface:
+def steps(folder, levels: tuple[float, ...], forces: tuple[float, ...]) -> ResponseSurface:
     """Write records of two steps, of equal forces equal ones, as of a file that was copied, and read them."""
     instants = np.arange(0, 60, 0.01)
     wave = 2 * np.pi * np.where(instants < 30, 5, 6) * instants
@@ -76,7 +74,7 @@ def receptance(frequency: np.ndarray) -> np.ndarray:
     return np.asarray(1 / (2e4 - 2.0 * omega**2 + 6j * omega))
 
 
-def findings(folder: Path, response: np.ndarray, *, lag: bool = False, known: bool = True, order: int = 0):
+def findings(folder, response: np.ndarray, *, lag: bool = False, known: bool = True, order: int = 0):
     """Read a table of receptances, mobilities or accelerances: of that order."""
     size, turn = np.abs(response) * (2 * np.pi * BAND) ** order, np.degrees(np.angle(response))
     path = write_columns(folder / "a.csv", "", BAND, 1.0, size, turn)

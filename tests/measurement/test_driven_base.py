@@ -1,7 +1,6 @@
 """Mistakes in reading a driven base: each is named by what it breaks, whatever the law."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +39,7 @@ def answers(recorded: str, turn: np.ndarray | complex = 1) -> tuple[np.ndarray, 
     return turn * base, turn * (-(OMEGA**2) * z + (base if recorded == "absolute" else 0))
 
 
-def findings(folder: Path, recorded: str, said: Changes | None = None) -> list:
+def findings(folder, recorded: str, said: Changes | None = None) -> list:
     """Read the answers; their phases count from a generator, not the base."""
     base, seen = answers(recorded, np.exp(1j * (0.7 + 0.35 * FREQUENCY)))
     columns = (FREQUENCY, LEVEL, base.real, base.imag, seen.real, seen.imag)

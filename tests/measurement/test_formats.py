@@ -4,9 +4,7 @@ import io
 import re
 import struct
 import wave
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,7 +44,7 @@ def package(name: str, extra: str):
     return pytest.importorskip(name, reason=f"no {name} here: install rsgen[{extra}]")
 
 
-def proposed(path: Path, run_cli: Callable[..., object]) -> ResponseSurface:
+def proposed(path, run_cli) -> ResponseSurface:
     case = path.with_suffix(".toml")
     done = run_cli("init", "--from", path, case)
     assert done.code == 0, done.err
@@ -54,18 +52,18 @@ def proposed(path: Path, run_cli: Callable[..., object]) -> ResponseSurface:
     return read(case)
 
 
-def history(path: Path, *signals: Channel | int | str, **rule) -> MeasuredTest:
+def history(path, *signals: Channel | int | str, **rule) -> MeasuredTest:
     force, response = (one if isinstance(one, Channel) else Channel(samples=one) for one in signals)
     rule = HistoryRule("swept-sine", **rule)
     return MeasuredTest((path,), None, force, response, "acceleration", history=rule)
 
 
-def array(path: Path, *wanted: int | str) -> list[Array]:
+def array(path, *wanted: int | str) -> list[Array]:
     found = read_binary(path, recognise_format(path), wanted)
     return [channels[0].values for channels in found]
 
 
-def load(walk: Callable[..., object], content: bytes, wanted: int | str) -> Array:
+def load(walk, content: bytes, wanted: int | str) -> Array:
     ((node,), _) = find(list(walk(io.BytesIO(content), None, LARGEST_BYTES)), wanted)
     return node.load()
 

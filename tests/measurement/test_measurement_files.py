@@ -7,7 +7,6 @@ import os
 import re
 import sys
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -200,7 +199,7 @@ def test_archives_hold_no_pickles_and_no_lies():
     assert "no whole .npy array" in {node.path: node for node in walk_npz(file, None, 2**20)}["huge"].fault
 
 
-TRAPS: dict[str, Callable[[h5py.File], object]] = {
+TRAPS = {
     **dict.fromkeys(("external", "virtual", "raw", "soft")),
     "declared": lambda file: file.create_dataset("x", (10**12,), "f8", chunks=(1000,)),
     "text": lambda file: file.update({"x": ["a", "b"]}),

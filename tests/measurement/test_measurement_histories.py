@@ -9,7 +9,6 @@ import scipy.io
 
 from rsgen import read, sentence
 from rsgen.common.errors import MeasurementError
-from rsgen.data.history import TimeHistory
 from rsgen.data.history.record import sampling_rate
 from rsgen.files.histories import _record, read_motions
 from rsgen.files.inspection import clues
@@ -37,12 +36,12 @@ def history(*files: Path, force="F", response="a", **keys) -> MeasuredTest:
     return MeasuredTest(files, None, *signals, **known | keys)
 
 
-def read_record(*files: Path, **keys) -> TimeHistory:
+def read_record(*files: Path, **keys):
     """Return the last history of what ``history`` of the same arguments plans."""
     return read_motions(history(*files, **keys))[0][-1]
 
 
-def contradictions(record: TimeHistory) -> dict[tuple[str, str, str], str]:
+def contradictions(record) -> dict[tuple[str, str, str], str]:
     """Return code, severity and parameter of what was found, with its sentence."""
     found = (one for one in record.findings if one.code != "unit-of-file")
     return {(one.code, one.severity, one.parameter): sentence(one) for one in found}

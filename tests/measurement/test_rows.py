@@ -2,7 +2,6 @@
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("read_here")
 NEWTON, METRE = Channel(amplitude="F", unit="N"), Channel(amplitude="x", unit="m")
 
 
-def table(folder: Path, head: str, rows: str = "1,2,3\n2,2,4\n", name: str = "a.csv") -> Path:
+def table(folder, head: str, rows: str = "1,2,3\n2,2,4\n", name: str = "a.csv"):
     path = folder / name
     path.write_text(f"{head}\n{rows}", encoding="utf-8")
     return path

@@ -2,8 +2,6 @@
 
 import inspect
 import re
-from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,7 +39,7 @@ def axis(kind: int, label: str = "NONE", unit: str = "NONE") -> str:
     return f"{kind:10d}    0    0    0 {label:<20} {unit:<20}"
 
 
-def function(values: Sequence[complex], ordinate: str = axis(12), over: str = axis(13)) -> str:
+def function(values, ordinate: str = axis(12), over: str = axis(13)) -> str:
     head = [
         "    -1", "    58", "title", "NONE", "NONE", "NONE", "NONE",
         f"{4:5d}{0:10d}    0         0 NONE               1   3 NONE               1   3",
@@ -51,7 +49,7 @@ def function(values: Sequence[complex], ordinate: str = axis(12), over: str = ax
     return "\n".join([*head, *(f"{v.real:20.12E}{v.imag:20.12E}" for v in values), "    -1"]) + "\n"
 
 
-def case_of(path: Path, quantity: str = "acceleration", levels: int = 1, **response: str) -> Path:
+def case_of(path, quantity: str = "acceleration", levels: int = 1, **response: str):
     """Write a case that reads frequency responses; units are the file's unless ``response`` names one."""
     changes = {
         **MEASURED, "test.file": path.name, "test.frequency": {"column": "*/abscissa"},

@@ -1,7 +1,6 @@
 """Universal files as pyuff writes them; tests that use it are skipped where it is not there."""
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ def response_set(frequency: np.ndarray, data: np.ndarray, **keys) -> dict:
     return pyuff.prepare_58(data=data, x=frequency, **known | keys)
 
 
-def write_sets(path: Path, *sets: dict) -> Path:
+def write_sets(path, *sets: dict):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         pyuff.UFF(str(path)).write_sets(list(sets), "overwrite")

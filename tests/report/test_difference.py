@@ -4,7 +4,6 @@ import json
 import os
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +17,7 @@ from tests.samples import cubic_result, write_result
 Change = Callable[[dict], object]
 
 
-def written(folder, tolerance=1e-2, change: Change = lambda result: None, **changes: float) -> Path:
+def written(folder, tolerance=1e-2, change: Change = lambda result: None, **changes: float):
     """Write a result whose values are changed by a share, with the verdict that belongs to its rows."""
     result = cubic_result(tolerance)
     for row in result["parameters"]:
@@ -44,14 +43,14 @@ def test_a_moved_value_is_given_in_its_standard_errors(tmp_path):
 
 
 def test_of_two_laws_on_one_test_the_better_one_is_named(tmp_path, run_cli):
-    def law(side: str, force: str, misfit: float, test: float = 1.0) -> Path:
+    def law(side: str, force: str, misfit: float, test: float = 1.0):
         def change(result: dict) -> None:
             result["elements"][0]["force"], result["residual"]["relative"] = force, misfit
             result["equivalent"] = {"frequency": [9.0, 10.0] * 50, "amplitude": [test, 2.0] * 50}
 
         return written(tmp_path / side, change=change)
 
-    def told(*places: Path) -> str:
+    def told(*places) -> str:
         return " ".join(run_cli("diff", *places).out.split())
 
     first = law("a", "k1*x", 0.01)

@@ -8,7 +8,6 @@ from ast import literal_eval
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 
 import nbformat
 import numpy as np
@@ -167,7 +166,7 @@ def test_a_run_loads_computes_and_draws_once(model, tmp_path):
     codes = {inspect.unwrap(function).__code__: function.__name__ for function in functions}
     calls = Counter[str]()
 
-    def count(frame: FrameType, event: str, _: object) -> None:
+    def count(frame, event: str, _: object) -> None:
         if event == "call" and frame.f_code in codes:
             calls[codes[frame.f_code]] += 1
 

@@ -5,7 +5,6 @@ import re
 import unicodedata
 from ast import literal_eval
 from collections import Counter
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from html.parser import HTMLParser
@@ -253,11 +252,11 @@ def test_a_report_needs_a_surface_and_a_result_only_and_shows_a_title_as_text(tm
     assert "our lab" in second
 
 
-def free_frequency(rate: Callable[[float], float], amplitude: float) -> float:
+def free_frequency(rate, amplitude: float) -> float:
     """Return the frequency [Hz] of x'' + rate(x) = 0 whose fundamental has an amplitude [m], integrated."""
 
     def swing(peak: float) -> tuple[float, float]:
-        def at_rest(_: float, y: Sequence[float]) -> float:
+        def at_rest(_: float, y) -> float:
             return y[0]
 
         at_rest.terminal = True  # type: ignore[attr-defined]

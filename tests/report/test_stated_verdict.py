@@ -11,7 +11,6 @@ import pytest
 
 import rsgen
 from rsgen.common.finding import Finding, Quantity, reach_verdict, reasons_of, steps_once
-from rsgen.identification.results import Identification
 from rsgen.report import sentences
 from rsgen.report.page import write_index
 from rsgen.report.provenance import coded
@@ -26,7 +25,7 @@ DOUBT = Finding("law-does-not-fit", "doubt", numbers={"misfit": 0.05})
 WARNING = Finding("points-excluded", "warning", numbers={"excluded": 3, "points": 90})
 
 
-def found_with(*findings: Finding) -> Identification:
+def found_with(*findings: Finding):
     return replace(IDENTIFICATION, findings=findings)
 
 

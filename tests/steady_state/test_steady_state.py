@@ -1,6 +1,5 @@
 """Steady states against independent answers: DOP853 with events, closed forms, brute force."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +40,7 @@ def _piecewise(c4: float, k4: float, k5: float, b: float) -> Law:
 
 
 # the laws once more, written by hand from the paper's equations (13) to (26)
-PAPER: dict[str, Callable[..., Law]] = {
+PAPER = {
     "cubic": lambda c1, k1, kn1: Law(lambda x, v, _: c1 * v + k1 * x + kn1 * x**3),
     "quintic": lambda c2, k2, kn2: Law(lambda x, v, _: c2 * v + k2 * x + kn2 * x**5),
     "coulomb": lambda c3, k3, Ff: Law(
