@@ -435,7 +435,8 @@ def load_spectra(path: str | os.PathLike[str]) -> MultisineSpectra:
     if not Path(path).is_file():
         raise MeasurementError(f"{path}: there is no such file")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # of a damaged archive NumPy leaves a file open that it opened itself
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
             size = sum(info.file_size for info in archive.zip.infolist())
             if size > _MAX_UNPACKED_BYTES:
                 raise MeasurementError(f"declares {size} bytes; at most {_MAX_UNPACKED_BYTES} are read")

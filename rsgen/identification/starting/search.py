@@ -451,7 +451,7 @@ def _descend(
     def slopes(logs: Array) -> Array:
         steps = 1e-5 * np.where(logs == 0, 1.0, logs)
         here, *there = residuals(at(logs + np.vstack([0 * steps, np.diag(steps)])))
-        return np.nan_to_num((np.stack(there) - here).T / steps)
+        return np.asarray(np.nan_to_num((np.stack(there) - here).T / steps))
 
     result = least_squares(left, begin, jac=slopes, x_scale=0.1, max_nfev=25, xtol=to)
     return at(result.x[None])[0], float(2 * result.cost)
