@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen import compare, identify
 from rsgen.identification.results.alternatives import Alternative
 from tests.surfaces import model, noisy, surface, truth
 from tests.virtual import only, simulated
@@ -72,12 +71,12 @@ def test_identified_results_that_disagree_are_named(fits):
 
 @pytest.fixture(scope="module")
 def combined():
-    return identify(surface("combined", levels=np.array([2.0, 6, 12])), model("combined"))
+    return rs.identify(surface("combined", levels=np.array([2.0, 6, 12])), model("combined"))
 
 
 @pytest.mark.slow
 def test_rows_hold_estimates_against_truth(combined):
-    result = compare(combined, truth("combined"), {"kn": 1e-4, "m": 1e-4})
+    result = rs.compare(combined, truth("combined"), {"kn": 1e-4, "m": 1e-4})
     rows = {row.name: row for row in result.rows}
     assert list(rows) == ["c", "cn", "k", "kn", "m", "stiffness_force", "damping_force"]
     assert result.passed
@@ -90,7 +89,7 @@ def test_rows_hold_estimates_against_truth(combined):
 def test_a_missed_tolerance_fails_the_whole_and_forces_are_judged_over_the_tested_range(combined):
     # 10 % on the cubic term, whose share of the force at the largest X is the deviation
     wrong = truth("combined") | {"kn": 3.3e5}
-    result = compare(combined, wrong, {"kn": 1e-2, "stiffness_force": 1e-3, "c": 1e-2})
+    result = rs.compare(combined, wrong, {"kn": 1e-2, "stiffness_force": 1e-3, "c": 1e-2})
     missed = {row.name: row for row in result.rows if not row.passed}
     assert not result.passed
     assert missed.keys() == {"kn", "stiffness_force"}

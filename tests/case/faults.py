@@ -171,6 +171,5 @@ def said(fault: Fault) -> list[str]:
 
 
 if __name__ == "__main__":
-    SENTENCES.write_text(
-        json.dumps({fault.name: said(fault) for fault in FAULTS}, indent=1) + "\n", encoding="utf-8"
-    )
+    text = json.dumps({fault.name: said(fault) for fault in FAULTS}, indent=1)
+    SENTENCES.write_text(text + "\n", encoding="utf-8")

@@ -8,7 +8,6 @@ import pytest
 
 import rsgen
 from benchmarks.table1 import table_of_results
-from rsgen import Comparison, Prediction
 from rsgen.report.provenance import Subject
 from rsgen.report.result_json import Parts, build_result, read_results, result_text
 
@@ -21,13 +20,13 @@ pytestmark = pytest.mark.slow
 
 
 @cache
-def outcome(path: Path) -> tuple[Comparison, dict]:
+def outcome(path: Path) -> tuple[rsgen.Comparison, dict]:
     case = rsgen.load_case(path)
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)
     comparison = rsgen.compare(identification, case.truth, case.accept)
     subject = Subject.of_case(case, identification)
-    parts = Parts(subject, surface, identification, comparison, Prediction((), (), ()))
+    parts = Parts(subject, surface, identification, comparison, rsgen.Prediction((), (), ()))
     return comparison, build_result(parts, {})
 
 
@@ -50,9 +49,7 @@ def test_a_case_is_within_its_tolerances(path):
 
 
 def cells(table: str) -> list[list[str]]:
-    return [
-        [cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line[:1] == "|"
-    ]
+    return [[cell.strip() for cell in row.split("|")[1:-1]] for row in table.splitlines() if row[:1] == "|"]
 
 
 def agrees(one: str, other: str) -> bool:

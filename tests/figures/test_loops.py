@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.common.errors import RsgenError
 from rsgen.data.oscillator import Model
 from rsgen.law.motion import Motion, project
 from rsgen.report.figures.equivalent import loop_force, mass_of, measured_energy, measured_loops
@@ -51,7 +50,7 @@ def test_the_mass_is_read_without_a_law():
     surface = rs.ResponseSurface(np.abs(force), omega.ravel() / 2 / np.pi, force, response)
     # between five knots curves of forty points are straight
     assert mass_of(surface) == pytest.approx(M, rel=3e-3)
-    with pytest.raises(RsgenError, match="16 settled points with phases"):
+    with pytest.raises(rs.RsgenError, match="16 settled points with phases"):
         mass_of(surface.select(np.arange(8)))
 
 

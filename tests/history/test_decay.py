@@ -439,10 +439,8 @@ def test_that_nothing_checks_the_size_of_a_decay_is_said_where_values_depend_on_
 
 
 def test_levels_of_decays_are_labels() -> None:
-    decays = [
-        TimeHistory(2000, None, dragged(x), "acceleration", level=n) for x, n in ((2.5e-3, 1), (4e-3, 2))
-    ]
-    surface = from_free_decay(decays, mass=0.62)
+    both = [TimeHistory(2000, None, dragged(x), "acceleration", level=n) for x, n in ((2.5e-3, 1), (4e-3, 2))]
+    surface = from_free_decay(both, mass=0.62)
     assert np.unique(surface.label).tolist() == [1, 2]
     assert only(surface, "levels-disagree").names["labels"] == "1, 2"
     hidden = rsgen.Observation(hold_out=[2])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen import identify, load_case, predict
 from rsgen.files.files_to_surface import read_measurement
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -26,10 +25,10 @@ def peak(frequency: np.ndarray, response: np.ndarray) -> tuple[float, float]:
 @pytest.mark.thorough
 def test_a_level_of_the_f16_is_predicted_from_the_others(measured_data) -> None:
     # the mount follows payload minus wing, and is predicted with the motion across that was measured there
-    case = load_case(CASES / "f16.toml", data=measured_data("f16").parent)
+    case = rsgen.load_case(CASES / "f16.toml", data=measured_data("f16").parent)
     surface = read_measurement(case.test)
-    found = identify(surface, case.model)
-    (item,) = predict(found, surface=surface).held_out
+    found = rsgen.identify(surface, case.model)
+    (item,) = rsgen.predict(found, surface=surface).held_out
     predicted, measured = (peak(item.frequency, values) for values in (item.predicted, item.measured))
     # the figures of the requirement for a level that identification has not seen
     assert predicted[0] == pytest.approx(measured[0], rel=5e-3)
@@ -45,7 +44,7 @@ def hysteresis(X: np.ndarray, omega: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 def test_the_hysteretic_benchmark_has_the_curves_of_its_true_law(measured_data):
-    case = load_case(CASES / "bouc_wen.toml", data=measured_data("bouc_wen").parent)
+    case = rsgen.load_case(CASES / "bouc_wen.toml", data=measured_data("bouc_wen").parent)
     surface = read_measurement(case.test)
     surface = surface.select(surface.settled).select(np.arange(0, int(surface.settled.sum()), 8))
     dynamic = surface.force / surface.harmonics[:, 1]

@@ -185,9 +185,8 @@ def spoilt(clean: TimeHistory, noise: float, random: np.random.Generator) -> Tim
 @cache
 def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHistory:
     """Sweep an oscillator at 10 Hz, half width 0.05 Hz, through a resonance that jumps."""
-    o = Oscillator(
-        MASS, (make_element("a", "k*x + k3*x**3 + c*v"),), {"k": STIFFNESS, "k3": cubic, "c": DAMPING / 2}
-    )
+    values = {"k": STIFFNESS, "k3": cubic, "c": DAMPING / 2}
+    o = Oscillator(MASS, "k*x + k3*x**3 + c*v", values)
     return sweep(o, level, law, stop, 200.0)
 
 
@@ -244,9 +243,7 @@ def test_a_correction_as_large_as_the_force_is_no_calm_note() -> None:
 @pytest.mark.usefixtures("read_here")
 def test_the_correction_takes_the_mass_of_the_sweeps_where_the_given_one_has_another_unit() -> None:
     test = load_case("cases/formats/mat-sweep.toml").test
-    right, wrong = (
-        read_measurement(replace(test, history=replace(test.history, mass=mass))) for mass in (1.5, 45.0)
-    )
+    right, wrong = (read_measurement(replace(test, history=replace(test.history, mass=m))) for m in (1.5, 45))
     assert np.array_equal(wrong.outcome, right.outcome)
     np.testing.assert_allclose(wrong.force, right.force, rtol=1e-3)
     assert not {"doubt", "warning"} & {finding.severity for finding in wrong.findings}

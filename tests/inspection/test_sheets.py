@@ -69,9 +69,8 @@ def test_sheets_with_the_same_titles_are_levels_called_by_their_names(draft, run
     assert set(surface.label[held]) == {1.0}
     assert run_cli("check", case).out.endswith("note: not read of book.xlsx: Background/*\n")
     lags = next(line for line in case.read_text(encoding="utf-8").splitlines() if "Phase [deg]" in line)
-    first = draft(
-        *((f"* V/{title}", f"0.25 V/{title}") for title in TITLES), (LEVEL, ""), ('unit = "label"', "")
-    )
+    of_first = [(f"* V/{title}", f"0.25 V/{title}") for title in TITLES]
+    first = draft(*of_first, (LEVEL, ""), ('unit = "label"', ""))
     assert "not read of book.xlsx: 0.5 V/*, 1 V/*, 1.4 V/*, Background/*" in run_cli("check", first).out
     sizes = draft((lags, "phase_known = false"), ("phase_sense", "# phase_sense"))
     assert "not read of book.xlsx: */Phase [deg], Background/*" in run_cli("check", sizes).out

@@ -5,7 +5,6 @@ import pytest
 import sympy
 
 import rsgen
-from rsgen import Oscillator, SimulatedTest
 from rsgen.formula.reading import parse
 from rsgen.law.character import character, jointly_linear
 from rsgen.law.element import law_remarks
@@ -112,8 +111,8 @@ def test_terms_that_may_change_places(law, groups):
 @pytest.mark.slow
 def test_values_of_two_sliders_have_the_order_of_their_names():
     true = {"k": 5000.0, "c": 3.0, "Fa": 8.0, "ka": 1500.0, "Fb": 2.0, "kb": 2500.0}
-    truth = Oscillator(1.5, f"k*x + c*v + {SLIDERS}", true)
-    test = SimulatedTest(level=[1.0, 4.0, 10.0, 20.0], frequency=np.linspace(8, 12, 11), harmonics=3)
+    truth = rsgen.Oscillator(1.5, f"k*x + c*v + {SLIDERS}", true)
+    test = rsgen.SimulatedTest(level=[1.0, 4.0, 10.0, 20.0], frequency=np.linspace(8, 12, 11), harmonics=3)
     found = rsgen.identify(rsgen.simulate(truth, test), f"k*x + c*v + {SLIDERS}")
     assert found["Fa"].value == pytest.approx(2.0, rel=1e-3)
     comparison = rsgen.compare(found, truth, dict.fromkeys(true, 1e-2))

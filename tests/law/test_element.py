@@ -54,10 +54,8 @@ def sum_of_pieces(form, names, values):
 
 @pytest.mark.parametrize("law", MINIMAL)
 def test_form_is_minimal(law):
-    found = {
-        (piece.term, frozenset(s.function for s in piece.switches))
-        for piece in normal_form(parse(law)).pieces
-    }
+    pieces = normal_form(parse(law)).pieces
+    found = {(piece.term, frozenset(s.function for s in piece.switches)) for piece in pieces}
     wanted = {(parse(term), frozenset(map(parse, switches))) for term, switches in MINIMAL[law]}
     assert found == wanted
 

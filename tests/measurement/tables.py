@@ -16,9 +16,7 @@ def write_columns(path, titles: str, *columns):
 
 def planned(files, frequency=1, force=2, response=3, **more) -> MeasuredTest:
     """Plan to read displacements, without phases unless said; a name or number is a column of amplitudes."""
-    force, response = (
-        Channel(amplitude=one) if isinstance(one, int | str) else one for one in (force, response)
-    )
+    force, response = (Channel(amplitude=c) if isinstance(c, int | str) else c for c in (force, response))
     known = {"quantity": "displacement", "phase_known": False}
     return MeasuredTest(files, frequency, force, response, **known | more)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen import Oscillator, make_element
 from rsgen.data.history import SweepLaw
 from rsgen.data.surface.plausibility import base_findings
 from rsgen.files.plan import HistoryRule, LevelRule
@@ -140,7 +139,7 @@ def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base
 
 
 def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
-    oscillator = Oscillator(1.0, (make_element("all", "k*x + c*v"),), {"k": 4e3, "c": 1.3})
+    oscillator = rs.Oscillator(1.0, (rs.make_element("all", "k*x + c*v"),), {"k": 4e3, "c": 1.3})
     got = sweep(oscillator, 1.0, SweepLaw("linear", 7.0, 0.2), 13.0)
     np.savez(tmp_path / "a.npz", base=-got.reference, x=got.response, fs=got.rate)
     rules = {

@@ -195,9 +195,8 @@ def test_a_unit_of_acceleration_for_all_is_compared_and_proposed(tmp_path, text,
     channels = {"table": FORCE, "top": ACCELERATION[0], "fs": 50.0, "unit": text}
     scipy.io.savemat(tmp_path / "a.mat", channels)
     base = BaseRule(Channel(samples="table", unit=units[0], quantity="acceleration"), "absolute")
-    got = read_record(
-        tmp_path / "a.mat", force=None, base=base, response=Channel(samples="top", unit=units[1])
-    )
+    response = Channel(samples="top", unit=units[1])
+    got = read_record(tmp_path / "a.mat", force=None, base=base, response=response)
     assert [f.code for f in got.findings if f.severity == "doubt"] == ["unit-contradicts-title"] * doubted
     proposed = {one.path: one.unit for one in clues.readable(list_contents(tmp_path / "a.mat"))}
     unit = "" if text == "V" else text.replace("²", "^2")

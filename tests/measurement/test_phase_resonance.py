@@ -6,7 +6,6 @@ import pytest
 import rsgen
 from rsgen.app.cli.check_command import point_faults
 from rsgen.data.surface.plausibility import lag_findings
-from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.files.signals import Channel
 from tests.case_files import GONE, MEASURED, write_small
 from tests.measurement.tables import read_planned, write_columns
@@ -28,7 +27,7 @@ def table(folder, lag: float = 90.0, quantity: str = "displacement"):
     return write_columns(folder / "loop.csv", "frequency,force,response,lag", *columns)
 
 
-def read(path, **options) -> ResponseSurface:
+def read(path, **options) -> rsgen.ResponseSurface:
     options = {"phase_known": True, "frequency_unit": "Hz"} | options
     phase = {"phase": "lag", "phase_sense": "lag"} if options["phase_known"] else {}
     unit = "m/s" if options.get("quantity") == "velocity" else "m"
@@ -99,12 +98,12 @@ def test_what_a_backbone_does_not_determine_is_refused_before_the_run(tmp_path, 
     assert all("phase resonance" in fault for fault in faults)
 
 
-def at_lags(lag: np.ndarray) -> ResponseSurface:
+def at_lags(lag: np.ndarray) -> rsgen.ResponseSurface:
     """Points of a linear mode, 90 N s/m and so 0.1 of critical, that a loop held at these lags [degrees]."""
     omega = np.sqrt(K / MASS) * np.ones(len(lag))
     level = np.linspace(1.0, 3.0, len(lag))
     response = 1e-3 * level * np.exp(-1j * np.radians(lag))
-    return ResponseSurface(level, omega / 2 / np.pi, level, response, control="phase")
+    return rsgen.ResponseSurface(level, omega / 2 / np.pi, level, response, control="phase")
 
 
 def test_the_shift_of_a_lag_is_that_of_the_stiffness_it_hides():

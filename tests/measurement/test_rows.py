@@ -141,10 +141,8 @@ def test_units_that_nobody_wrote_are_named_once(tmp_path):
     paths = tuple(table(tmp_path, "f,F,x_mm", name=name) for name in ("a.csv", "b.csv"))
     test = planned(paths, "f", "F", "x_mm", level=LevelRule(values=(1, 2)))
     found = [one for one in read_measurement(test).findings if "default" in one.names]
-    assert [(one.severity, one.names["default"]) for one in found] == [
-        ("doubt", "F, read in N"),
-        ("info", "f, read in Hz"),
-    ]
+    said = [(one.severity, one.names["default"]) for one in found]
+    assert said == [("doubt", "F, read in N"), ("info", "f, read in Hz")]
     written = replace(test, force=NEWTON, frequency_unit="Hz")
     assert not [one for one in read_measurement(written).findings if "default" in one.names]
 

@@ -202,9 +202,7 @@ def test_amplitudes_of_spectra_are_what_the_file_says(tmp_path, run_cli, said, s
     assert run_cli("init", "--from", path, case).code == 0
     surface = read(case)
     np.testing.assert_allclose(np.abs(surface.force), abs(2 + 1j) * factor, rtol=PYUFF_DIGITS)
-    np.testing.assert_allclose(
-        surface.omega * surface.amplitude, np.abs(MOBILITY) * factor, rtol=PYUFF_DIGITS
-    )
+    np.testing.assert_allclose(surface.omega * surface.amplitude, abs(MOBILITY) * factor, rtol=PYUFF_DIGITS)
     text = case.read_text(encoding="utf-8")
     without = re.sub(r"(?m)^(scale|factor) .*\n", "", text)
     case.write_text(without if scale else text.replace("[test.force]", "[test.force]\nscale = 'rms'"))

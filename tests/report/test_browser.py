@@ -42,9 +42,8 @@ def pages(tmp_path_factory):
         text = render_page(page_context(parts, drawings, shown))
         (folder / f"{name}.html").write_text(text, encoding="utf-8")
         title = changes.get("title", "Softening cubic spring")
-        samples.write_result(
-            folder / "results", samples.cubic_result(0.01, *found.findings) | {"title": title}, name
-        )
+        result = samples.cubic_result(0.01, *found.findings) | {"title": title}
+        samples.write_result(folder / "results", result, name)
         return text
 
     write("plain")

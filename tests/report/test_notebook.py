@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from nbclient import NotebookClient
 
 import rsgen
-from rsgen import RsgenError, figures, load_case
 from rsgen.app.study.many_cases import run_cases
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
@@ -90,7 +89,7 @@ def test_a_notebook_predicts_the_levels_of_the_page():
     asked = replace(asked, observation=replace(asked.observation, predict=(3.81, 6.0)))
     found = rsgen.identify(table, asked)
     cells = {cell.id: cell.source for cell in build_notebook(cubic_case()).cells}
-    space = {"rsgen": rsgen, "figures": figures, "surface": table, "identification": found}
+    space = {"rsgen": rsgen, "figures": rsgen.figures, "surface": table, "identification": found}
     exec(cells["prediction"], space | {"case": cubic_case(model=asked)}, space)
     levels = [curve.level for curve in space["prediction"]]
     assert levels == [curve.level for curve in predict_shown(table, found)] == [1.9, 3.8, 6.0, 7.6]
@@ -98,25 +97,22 @@ def test_a_notebook_predicts_the_levels_of_the_page():
 
 
 def test_only_the_public_interface_is_called():
-    source = "\n".join(
-        cell
-        for more in (False, True)
-        for cell in code_cells(build_notebook(cubic_case(), loops=more, held_out=more))
-    )
+    books = [build_notebook(cubic_case(), loops=more, held_out=more) for more in (False, True)]
+    source = "\n".join(cell for book in books for cell in code_cells(book))
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             assert {alias.name for alias in node.names} <= {"pathlib", "tempfile", "rsgen"}
         elif isinstance(node, ast.ImportFrom):
             assert (node.module, [alias.name for alias in node.names]) == ("rsgen", ["figures"])
         elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in ("rsgen", "figures"):
-            module = rsgen if node.value.id == "rsgen" else figures
+            module = rsgen if node.value.id == "rsgen" else rsgen.figures
             assert node.attr in module.__all__
 
 
 @pytest.mark.slow
 def test_ruff_has_nothing_to_say(tmp_path):
     for path in CASES:
-        notebook = build_notebook(load_case(path), loops=True, held_out=True)
+        notebook = build_notebook(rsgen.load_case(path), loops=True, held_out=True)
         nbformat.write(notebook, tmp_path / f"{path.stem}.ipynb")
     for words in (("check",), ("format", "--diff")):
         # as it is out of the box, not as this project sets it
@@ -132,7 +128,7 @@ def outputs(notebook: nbformat.NotebookNode) -> dict[str, list[nbformat.Notebook
 def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkeypatch):
     """A kernel in an empty folder has the public interface alone; the run gives its cells what it has."""
     source = write_small(tmp_path, "once", SPRING)
-    case = load_case(source)
+    case = rsgen.load_case(source)
     source.unlink()
     surface = rsgen.simulate(case.oscillator, case.test)
     identification = rsgen.identify(surface, case.model)
@@ -162,7 +158,7 @@ def test_a_run_loads_computes_and_draws_once(model, tmp_path):
     unknown = {key: value for key, value in SPRING.items() if not key.startswith("accept")}
     path = write_small(tmp_path, changes=SPRING if model == "declared" else unknown | {"model": "rank"})
     functions = [rsgen.load_case, rsgen.simulate, rsgen.identify, rsgen.rank, rsgen.predict, rsgen.compare]
-    functions += [getattr(figures, name) for name in figures.__all__ if name.startswith("draw_")]
+    functions += [getattr(rsgen.figures, name) for name in rsgen.figures.__all__ if name.startswith("draw_")]
     codes = {inspect.unwrap(function).__code__: function.__name__ for function in functions}
     calls = Counter[str]()
 
@@ -183,6 +179,6 @@ def test_a_run_loads_computes_and_draws_once(model, tmp_path):
 
 def test_failed_notebook_is_saved_and_says_which_cell(tmp_path):
     target = tmp_path / "notebook.ipynb"
-    with pytest.raises(RsgenError, match=r"notebook\.ipynb: cell case: CaseError"):
+    with pytest.raises(rsgen.RsgenError, match=r"notebook\.ipynb: cell case: CaseError"):
         write_notebook(target, cubic_case(text="not a case"))
     assert outputs(nbformat.read(target, as_version=4))["case"][-1].output_type == "error"

@@ -21,7 +21,6 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import rsgen
-from rsgen import Comparison, Finding
 from rsgen.data.oscillator import Model
 from rsgen.formula.printing import write
 from rsgen.formula.reading import parse
@@ -58,7 +57,7 @@ def hostile_titles() -> list[str]:
     return titles
 
 
-def parts_of(found: Identification = IDENTIFICATION, comparison: Comparison = COMPARISON, **changes):
+def parts_of(found: Identification = IDENTIFICATION, comparison: rsgen.Comparison = COMPARISON, **changes):
     subject = Subject.of_case(cubic_case(**changes), found)
     return Parts(subject, SURFACE, found, comparison, PREDICTION, check_printed(subject, found))
 
@@ -143,7 +142,7 @@ def test_a_page_says_where_higher_harmonics_part_the_points_from_the_formulas(sh
 @pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
 def test_titles_are_text(title):
     tame = Outline(page())
-    found = replace(IDENTIFICATION, findings=(Finding.note(title),))
+    found = replace(IDENTIFICATION, findings=(rsgen.Finding.note(title),))
     text = page(found, title=title, source=title, text=title, name="cubic")
     text.encode("utf-8")
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f\u202a-\u202e\u2066-\u2069]", text)
@@ -179,9 +178,8 @@ def test_result_keeps_the_contract():
     assert read == content
     assert max(len(line) for line in text.splitlines()) > 1000, "arrays stand on one line"
     assert read["passed"] is COMPARISON.passed
-    assert np.sqrt(np.diag(read["covariance"])) == pytest.approx(
-        [row["refined"]["standard_error"] for row in read["parameters"]], rel=1e-6
-    )
+    errors = [row["refined"]["standard_error"] for row in read["parameters"]]
+    assert np.sqrt(np.diag(read["covariance"])) == pytest.approx(errors, rel=1e-6)
     assert read["surface"] == {"points": 488, "settled": 488, "origin": "simulated", "seconds": 0.5}
     assert all(len(read["equivalent"][name]) == len(SURFACE) for name in read["equivalent"])
     assert [entry["level"] for entry in read["predicted"]] == [curve.level for curve in PREDICTION]
@@ -199,7 +197,7 @@ def test_result_keeps_the_contract():
 
 
 def test_what_is_not_known_is_null():
-    lost = Finding("not-determined", "warning", "c1")
+    lost = rsgen.Finding("not-determined", "warning", "c1")
     refined = Estimate("c1", C1, np.inf, (-np.inf, np.inf), "N*s/m", lost)
     row = replace(COMPARISON.rows[0], true=np.nan, refined=refined, relative_error=np.nan)
     unknown = replace(COMPARISON, rows=(row, *COMPARISON.rows[1:]))
@@ -311,8 +309,8 @@ def test_what_is_stated_and_drawn_has_all_harmonics_as_the_points_have_them():
 
 
 def test_warnings_stand_before_notes_under_the_headline():
-    notes = [Finding("note", "info", names={"text": f"note {i}"}) for i in range(4)]
-    warned = Finding("points-excluded", "warning", numbers={"excluded": 3, "points": 9, "all": 9})
+    notes = [rsgen.Finding("note", "info", names={"text": f"note {i}"}) for i in range(4)]
+    warned = rsgen.Finding("points-excluded", "warning", numbers={"excluded": 3, "points": 9, "all": 9})
     text = page(changed(IDENTIFICATION, findings=(*notes, warned)))
     box = text.partition('<div class="note">')[2].partition("</div>")[0]
     assert re.findall(r"3 of 9 points|[Nn]ote \d", unicodedata.normalize("NFKC", box))[0] == "3 of 9 points"

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import rsgen as rs
-from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.steady_state import solve_steady_states
 from tests.oracles import events
@@ -20,7 +19,7 @@ RESONANCE = (np.array([8.0, 20.0, 45.0, 60.0, 80.0]), np.array([34.0, 33.0, 31.5
 @pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
 def test_bouc_wen_agrees_with_dop853(accuracy):
-    structure, oscillator = events.bouc_wen(2.0, **BENCHMARK), Oscillator(2.0, BOUC_WEN, BENCHMARK)
+    structure, oscillator = events.bouc_wen(2.0, **BENCHMARK), rs.Oscillator(2.0, BOUC_WEN, BENCHMARK)
     F, f = RESONANCE
     asked = solve_steady_states(oscillator, F, f, accuracy=accuracy)
     near = solve_steady_states(oscillator, F, f, accuracy=1e-8)
@@ -34,7 +33,7 @@ def test_bouc_wen_agrees_with_dop853(accuracy):
 @pytest.mark.slow
 def test_bouc_wen_from_rest_ends_where_the_motion_itself_ends():
     F, f = np.array([12.0, 70.0]), np.array([36.5, 27.0])
-    found = solve_steady_states(Oscillator(2.0, BOUC_WEN, BENCHMARK), F, f, accuracy=1e-6)
+    found = solve_steady_states(rs.Oscillator(2.0, BOUC_WEN, BENCHMARK), F, f, accuracy=1e-6)
     structure = events.bouc_wen(2.0, **BENCHMARK)
     X = [events.settle(structure, F[i], 2 * np.pi * f[i])[0] for i in range(2)]
     assert np.abs(found.harmonics[:, 1] / X - 1).max() < 1e-6
@@ -48,13 +47,13 @@ def test_linear_states_have_the_exact_receptance():
     s = 2j * np.pi * f
     z, y = 2000 * s / (s + 1 / 0.02), 30 / (s + 30)
     exact = 3.0 / (1.5 * s**2 + 4 * s + 5000 + z + 800 * y)
-    found = solve_steady_states(Oscillator(1.5, law, values), np.full(7, 3.0), f, accuracy=1e-8)
+    found = solve_steady_states(rs.Oscillator(1.5, law, values), np.full(7, 3.0), f, accuracy=1e-8)
     np.testing.assert_allclose(found.harmonics[:, 1], exact, rtol=1e-8)
     np.testing.assert_allclose(found.harmonics[:, 0], 0, atol=1e-8 * np.abs(exact).max())
 
 
 def test_located_switches_of_states_keep_the_fourth_order():
-    o = Oscillator(2.0, BOUC_WEN, BENCHMARK)
+    o = rs.Oscillator(2.0, BOUC_WEN, BENCHMARK)
     kernel = compile_kernel(o.force, values=o.values)
     values = np.array([o.values[name] for name in kernel.parameters])
     omega = 2 * np.pi * np.linspace(27, 49, 24)
@@ -83,7 +82,7 @@ def test_stiff_bristles_agree_with_dop853():
     F, f = np.array([2.0, 6.0]), np.array([9.5, 10.6])
     structure = events.lugre(1.5, **values)
     for accuracy in (1e-4, 1e-6):
-        found = solve_steady_states(Oscillator(1.5, law, values), F, f, accuracy=accuracy)
+        found = solve_steady_states(rs.Oscillator(1.5, law, values), F, f, accuracy=accuracy)
         for i, omega in enumerate(2 * np.pi * f):
             y = found.state[i]
             X, _ = events.settle(structure, F[i], omega, start=y, mode=float(np.sign(y[1])))
@@ -103,7 +102,7 @@ def test_loops_within_the_loop_agree_with_sliders():
     turns = [np.count_nonzero(np.diff(np.sign(np.diff(wave))) != 0) for _, wave in exact]
     assert min(turns) > 2
     for accuracy in (1e-4, 1e-6):
-        found = solve_steady_states(Oscillator(1.5, law, values), F, f, accuracy=accuracy)
+        found = solve_steady_states(rs.Oscillator(1.5, law, values), F, f, accuracy=accuracy)
         assert found.settled.all()
         assert np.abs(found.harmonics[:, 1] / [X for X, _ in exact] - 1).max() < accuracy
 
@@ -117,11 +116,11 @@ def test_a_step_of_nearly_singular_derivatives_does_not_leave_the_motion():
     }  # fmt: skip
     force, frequency = np.array([8.073327314165057 + 5.855121410488167j]), np.array([9.67142857142857])
     start = np.array([[0.02111058714225442, -0.002247404300963254]])
-    joint = Oscillator(1.4988616284270644, law, values)
+    joint = rs.Oscillator(1.4988616284270644, law, values)
     found = solve_steady_states(joint, force, frequency, accuracy=3e-5, harmonics=31, start=start)
     # below its limit the joint is a spring: with friction alone the motion is the same
     linear = {"Ff": values["Ff"], "c": values["c"], "k": values["k"] + values["Fs"] / values["xs"]}
-    spring = Oscillator(joint.mass, "Ff*sign(v) + c*v + k*x", linear)
+    spring = rs.Oscillator(joint.mass, "Ff*sign(v) + c*v + k*x", linear)
     same = solve_steady_states(spring, force, frequency, accuracy=3e-5)
     assert found.settled.all()
     assert found.harmonics[0, 1] == pytest.approx(same.harmonics[0, 1], rel=1e-4)
