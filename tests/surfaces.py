@@ -5,9 +5,8 @@ from dataclasses import fields
 
 import numpy as np
 
-from rsgen import Identification, ResponseSurface, identify, make_element
-from rsgen.data.oscillator import Model, Observation, Oscillator
-from rsgen.dynamics.steady_state import solve_steady_states
+from rsgen import Identification, Oscillator, ResponseSurface, SimulatedTest, identify, make_element, simulate
+from rsgen.data.oscillator import Model, Observation
 
 LAWS: dict[str, tuple[str, dict[str, float]]] = {
     "cubic": ("k*x + kn*x**3 + c*v", {"k": 5920.0, "kn": -2.2e5, "c": 3.8}),
@@ -50,14 +49,8 @@ def surface(law, levels=None, frequencies=None, accuracy=ACCURACY, values=None) 
 
 @functools.cache
 def _solve(law: str, levels: Grid, frequencies: Grid, accuracy: float, values: tuple) -> ResponseSurface:
-    level, frequency = (grid.ravel() for grid in np.meshgrid(levels, frequencies, indexing="ij"))
-    oscillator = Oscillator(MASS, (make_element("law", LAWS[law][0]),), dict(values))
-    states = solve_steady_states(oscillator, level.astype(complex), frequency, harmonics=7, accuracy=accuracy)
-    return ResponseSurface(
-        level=level, frequency=frequency, force=level.astype(complex), harmonics=states.harmonics,
-        peak=states.peak, sweep="rest", outcome=states.outcome, residual=states.residual, error=states.error,
-        origin="simulated",
-    )  # fmt: skip
+    test = SimulatedTest(levels, frequencies, harmonics=7, accuracy=accuracy)
+    return simulate(Oscillator(MASS, LAWS[law][0], dict(values)), test)
 
 
 def changed(table: ResponseSurface, **columns: object) -> ResponseSurface:
