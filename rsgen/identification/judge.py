@@ -492,6 +492,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
         refined=stated.refined,
         first_order_bias=later(lambda: tuple(first.bias()[errors.regression.free].tolist())),
         covariance=stated.covariance,
+        small_motion=stated.small_motion,
         resonances=resonances,
         curve=curve,
         restoring=later(lambda: _without_law(kept, predicted, curve, mass)),

@@ -203,7 +203,9 @@ def _verdict_context(parts: Parts) -> dict[str, Any]:
         "outcome": full_sentence(identification.outcome),
         "law": with_equations(identification.model.force),
         "verdict_table": tables.verdict_table(
-            parts.comparison, mass_lines(identification, rms=subject.scale_is_sure)
+            parts.comparison,
+            mass_lines(identification, rms=subject.scale_is_sure),
+            identification.small_motion,
         ),
         "alternative_table": tables.alternative_table(identification),
         "meaning": [

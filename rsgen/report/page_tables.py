@@ -116,7 +116,9 @@ def _tabulated(caption: str, items: Iterable[Any], columns: Mapping[str, _Says])
     return Table(caption, tuple(columns), rows)
 
 
-def verdict_table(comparison: Comparison, remarks: Iterable[str] = ()) -> Table:
+def verdict_table(
+    comparison: Comparison, remarks: Iterable[str] = (), small_motion: Iterable[Estimate] = ()
+) -> Table:
     """Hold every estimate against the truth; without truth, show the estimates with their intervals.
 
     ``remarks`` are said of the whole table.
@@ -139,6 +141,9 @@ def verdict_table(comparison: Comparison, remarks: Iterable[str] = ()) -> Table:
     if judged:
         columns["Verdict"] = _verdict_cell
     shown = [row for row in comparison.rows if row.name not in FORCE_KEYS or row.tolerance is not None]
+    for one in small_motion:
+        name, nan = f"{one.name.replace('-', ' ')}, small motion", math.nan
+        shown.append(Row(name, one.unit, nan, None, None, one, nan, nan, nan, None, passed=True))
     shown.sort(key=lambda row: row.tolerance is None)  # what is judged comes first
     caption = "True against identified values" if known else "Identified values; no truth is known"
     table = _tabulated("; ".join([f"{caption}. {_KINDS_OF_INTERVAL}", _PER_LEVEL, *remarks]), shown, columns)

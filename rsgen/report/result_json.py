@@ -80,6 +80,10 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     return entry
 
 
+def _estimates(estimates: Iterable[Estimate]) -> list[dict[str, Any]]:
+    return [{"name": one.name, "unit": one.unit, **_estimate(one)} for one in estimates]
+
+
 def _row(row: Row) -> dict[str, Any]:
     found = {"paper": row.paper, "first_order": row.first_order, "refined": row.refined}
     estimates = {name: None if one is None else _estimate(one) for name, one in found.items()}
@@ -198,6 +202,7 @@ def build_result(parts: Parts, durations: Mapping[str, float]) -> dict[str, Any]
         "fixed": fixed_entry(identification),
         **({"mass_given": {"value": weighed[0], "standard_error": weighed[1]}} if weighed else {}),
         "parameters": rows_entry(comparison, forces=False),
+        "small_motion": _estimates(identification.small_motion),
         "covariance": [list(map(finite_or_none, row)) for row in identification.covariance.tolist()],
         "forces": rows_entry(comparison, forces=True),
         "alternatives": comparison_entry(compare_fits(identification)),
@@ -403,10 +408,7 @@ def _background(identification: Identification) -> dict[str, Any] | None:
         "kind": background.kind,
         "band": list(background.band),
         "share": finite_or_none(background.share),
-        "estimates": [
-            {"name": estimate.name, "unit": estimate.unit, **_estimate(estimate)}
-            for estimate in background.estimates
-        ],
+        "estimates": _estimates(background.estimates),
     }
 
 
@@ -450,6 +452,11 @@ class Entry:
     def law(self) -> str:
         """The force of all elements."""
         return " + ".join(str(element["force"]) for element in self.result.get("elements", []))
+
+    @property
+    def small_motion(self) -> tuple[Estimate, ...]:
+        """Natural frequency and damping ratio, as far as they are stated."""
+        return tuple(_read_estimate(one, one) for one in self.result.get("small_motion", []))
 
     def fit(self, name: str = "") -> ComparedFit:
         """Return the result as ``compare_fits`` takes an identification."""

@@ -12,7 +12,19 @@ from rsgen.data.oscillator import Model, Observation
 from rsgen.identification.fitting.points import select_points
 from rsgen.identification.resonance import find_resonances
 from tests.pins.grids import joint_law, small_joint
-from tests.surfaces import LAWS, changed, codes, distances, errors, identified, model, noisy, surface, truth
+from tests.surfaces import (
+    LAWS,
+    MASS,
+    changed,
+    codes,
+    distances,
+    errors,
+    identified,
+    model,
+    noisy,
+    surface,
+    truth,
+)
 from tests.virtual import simulated
 
 EXACT = 1e-6
@@ -39,6 +51,12 @@ def test_every_parameter_comes_back_from_its_own_surface(law):
     found = identified(law)
     assert max(errors(found, truth(law)).values()) < (1e-4 if law in ("power", "tanh", "two-gaps") else EXACT)
     assert max(errors(found, truth(law), "first_order").values()) < 0.1
+    # friction holds the mass, and on both sides of rest the bilinear spring is another one
+    values, expected = truth(law), []
+    if law not in ("coulomb", "bilinear"):
+        k, c = values.get("k", values.get("k4")), values["c"] + values.get("A", 0) / values.get("w", 1)
+        expected = [np.sqrt(k / MASS) / 2 / np.pi, c / 2 / np.sqrt(k * MASS)]
+    assert [one.value for one in found.small_motion] == pytest.approx(expected, rel=1e-4)
     if law in ("cubic", "quintic", "combined"):
         for first, bias in zip(found.first_order, found.first_order_bias, strict=True):
             true = truth(law)[first.name]
@@ -142,10 +160,13 @@ def test_intervals_of_exact_data_allow_for_the_error_of_the_simulator(law):
 @pytest.mark.parametrize("law", ["cubic", "coulomb"])
 def test_intervals_hold_the_truth_as_often_as_they_say(law):
     runs, true, table = 40, truth(law), surface(law, accuracy=1e-6)
+    small = {"natural-frequency": np.sqrt(true["k"] / MASS) / 2 / np.pi}
+    small["damping-ratio"] = true["c"] / 2 / np.sqrt(true["k"] * MASS)
     inside, scores = [], []
     for seed in range(runs):
         found = identify(noisy(table, 0.01, seed), model(law))
-        inside += [e.interval[0] <= true[e.name] <= e.interval[1] for e in found.refined]
+        stated = (*found.refined, *found.small_motion)
+        inside += [e.interval[0] <= (true | small)[e.name] <= e.interval[1] for e in stated]
         scores += [*distances(found, true)]
     # 95 % expected; parameters of one run are correlated, so the count of runs sets the width: 4 sigma
     assert abs(np.mean(inside) - 0.95) < 4 * np.sqrt(0.05 * 0.95 / runs) * 0.75

@@ -180,6 +180,13 @@ def test_result_keeps_the_contract():
     assert read["passed"] is COMPARISON.passed
     errors = [row["refined"]["standard_error"] for row in read["parameters"]]
     assert np.sqrt(np.diag(read["covariance"])) == pytest.approx(errors, rel=1e-6)
+    assert [(one["name"], one["unit"]) for one in read["small_motion"]] == [
+        ("natural-frequency", "Hz"), ("damping-ratio", ""),
+    ]  # fmt: skip
+    for one, stated in zip(read["small_motion"], IDENTIFICATION.small_motion, strict=True):
+        assert (one["value"], one["interval"]) == (stated.value, [*stated.interval])
+        assert str(stated.value)[:7] in str(IDENTIFICATION)
+        assert f"{one['name'].replace('-', ' ')}, small motion" in page()
     assert read["surface"] == {"points": 488, "settled": 488, "origin": "simulated", "seconds": 0.5}
     assert all(len(read["equivalent"][name]) == len(SURFACE) for name in read["equivalent"])
     assert [entry["level"] for entry in read["predicted"]] == [curve.level for curve in PREDICTION]

@@ -190,7 +190,8 @@ def _in_one_line(element: Mapping[str, Any]) -> str:
 def _finished(case: Case, folder: Path) -> CaseRun:
     """Return what the result in a folder says of a case."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-    fit = Entry(folder, result).fit()
+    entry = Entry(folder, result)
+    fit = entry.fit()
     severities = [finding["severity"] for finding in result["findings"]]
     said = list(zip(result["findings"], result["warnings"], strict=True))
     asked = [str(text) for finding, text in said if finding["code"] == "level-predicted"]
@@ -203,7 +204,7 @@ def _finished(case: Case, folder: Path) -> CaseRun:
         held_out=(*(str(entry["said"]) for entry in result["held_out"]), *asked),
         values=(
             " + ".join(_in_one_line(element) for element in result["elements"]),
-            *str(table_of((*fit.estimates, *fit.background))).split("\n"),
+            *str(table_of((*fit.estimates, *entry.small_motion, *fit.background))).split("\n"),
             *(f"  {line}" for line in (result["outcome"], *result.get("mass_notes", ()))),
         ),
         warned=tuple(f"  warning: {text}" for finding, text in said if finding["severity"] == "warning"),

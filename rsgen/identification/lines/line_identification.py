@@ -208,6 +208,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
         refined=stated.refined,
         first_order_bias=(nan,) * len(unknown),
         covariance=stated.covariance,
+        small_motion=stated.small_motion,
         resonances=resonances,
         curve=_curve(resonances, part, force_units(model, part.units)),
         residual=fit.misfit,

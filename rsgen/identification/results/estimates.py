@@ -20,9 +20,11 @@ from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import (
     MIN_NULL_COMPONENT,
+    MISFIT_NEGLIGIBLE,
     RELATIVE_CHANGE_NEGLIGIBLE,
     RELATIVE_ERROR_DOUBTFUL,
     ROUND_OFF,
+    SAMPLES_PER_PERIOD_SWITCHED,
     interval_sigmas,
     is_significant,
     samples_for,
@@ -38,7 +40,7 @@ from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.identification.results.result import Background, Estimate, Resonance
-from rsgen.law.motion import Motion
+from rsgen.law.motion import Motion, project, sine_motion
 from rsgen.law.numeric import ForceLaw
 
 _MAX_DENOMINATOR = 100
@@ -74,6 +76,61 @@ def make_estimates(
             finding = Finding("not-determined", "warning", name)
         estimates.append(Estimate(name, centre, error, interval, units[name], finding))
     return tuple(estimate for estimate in estimates if estimate.name not in model.exact)
+
+
+# ----------------------------------------------------------------------------
+# Natural frequency and damping ratio of small motion, f = sqrt(k/m)/(2 pi) and zeta = c/(2 sqrt(k m)), with
+# k(X) and c(X) for X -> 0.
+
+SMALL_MOTION = (1e-9, 1e-8)
+"""Shares of an amplitude of the test at which small motion is read: Segalman's law comes as X**0.5."""
+
+_OF_SMALL_MOTION = {"natural-frequency": "Hz", "damping-ratio": ""}
+
+
+@np.errstate(all="ignore")
+def _small_motion(law: ForceLaw, values: Array, mass: float, amplitude: float) -> Array:
+    """Return natural frequency [Hz] and damping ratio (2,) of small motion; NaN where there is none.
+
+    Both are NaN of friction, and of a law that is another one on both sides of rest.
+    """
+    size, omega = amplitude * np.array(SMALL_MOTION), np.ones(2)
+    for _ in range(4):  # the stiffness of most laws does not depend on omega: the second round is final
+        force = law.along(sine_motion(omega, size), values, SAMPLES_PER_PERIOD_SWITCHED).force
+        mean, stiffness = project(force, 0) / size, project(force, 1) / size
+        omega = np.sqrt(stiffness.real / mass)
+    found = np.array([omega / (2 * np.pi), stiffness.imag / (2 * stiffness.real)])
+    near, far = found.T
+    settled = np.abs(far - near) <= MISFIT_NEGLIGIBLE * np.abs(near)
+    alike = abs(mean[0]) <= MISFIT_NEGLIGIBLE * abs(stiffness[0])
+    sticks = abs(near[1]) > (1 + MISFIT_NEGLIGIBLE) * abs(far[1])
+    return np.where(settled & settled[0] & alike & ~sticks & (near != 0), near, nan)
+
+
+def state_small_motion(law: ForceLaw, found: Regression, amplitude: float) -> tuple[Estimate, ...]:
+    """State natural frequency and damping ratio of small motion with 95 % intervals, as far as they exist.
+
+    The covariance of values and mass is propagated linearly, by differences. The ``amplitude`` [m] is the
+    largest tested one.
+    """
+    if law.acts_across or not found.converged:
+        return ()
+
+    def evaluate(values: Array) -> Array:
+        return _small_motion(law, values[:-1], float(values[-1]), amplitude)
+
+    centre = evaluate(found.parameters)
+    steps = 1e-6 * np.where(found.parameters == 0, 1.0, found.parameters)
+    changes = np.array([evaluate(found.parameters + step) - centre for step in np.diag(steps)]).T
+    stated = []
+    for (name, unit), value, change in zip(_OF_SMALL_MOTION.items(), centre.tolist(), changes, strict=True):
+        acts = found.free & ~(np.abs(change) <= ROUND_OFF * abs(value))
+        slope = change[acts] / steps[acts]
+        error = float(np.sqrt(slope @ found.covariance[np.ix_(acts, acts)] @ slope))
+        if isfinite(value) and isfinite(error) and acts.any():
+            half = float(np.max(interval_sigmas(found.error_freedom[acts]))) * error
+            stated.append(Estimate(name, value, error, (value - half, value + half), unit))
+    return tuple(stated)
 
 
 # ----------------------------------------------------------------------------
@@ -148,6 +205,8 @@ class Statement:
     ----------
     refined, of_law
         Estimates with all errors, and with those of this law as it stands.
+    small_motion
+        As in ``Identification``.
     covariance
         (f, f) of the free parameters; NaN without convergence.
     reasons
@@ -158,6 +217,7 @@ class Statement:
 
     refined: tuple[Estimate, ...]
     of_law: tuple[Estimate, ...]
+    small_motion: tuple[Estimate, ...]
     covariance: Array
     reasons: Mapping[str, Finding | None]
     ambiguous: list[Finding]
@@ -190,6 +250,7 @@ def state_parameters(
     return Statement(
         make_estimates(solution, law, model, reasons, units),
         make_estimates(replace(solution, covariance=errors.of_law), law, model, reasons, units),
+        state_small_motion(law, found, float(tested["amplitude"].value)),
         stated[np.ix_(free, free)],
         reasons,
         [*errors.ambiguous, *others.within_noise(found.parameters, stated, reasons, units)],

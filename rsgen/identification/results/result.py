@@ -369,6 +369,9 @@ class Identification(Printed):
     held_out
         Scores of held-out levels: a ``HeldOutLevel`` for each level and sweep, or a ``PredictedRecord`` for
         each record of a multisine; ``error`` is the relative error of the predicted response.
+    small_motion
+        Natural frequency [Hz] and damping ratio of the law for X -> 0, as far as it has them there: none with
+        dry friction, none where it does not determine them.
     alternatives
         Shifts by additional terms, other backgrounds and halves of the test; the intervals include them.
     """
@@ -393,6 +396,7 @@ class Identification(Printed):
     solution: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     background: Background | None = None
     held_out: tuple[Any, ...] = ()
+    small_motion: tuple[Estimate, ...] = ()
     alternatives: Alternatives = field(default_factory=Alternatives)
     fit: Fit | None = None
     _left: ComplexArray | None = None
@@ -517,7 +521,7 @@ class Identification(Printed):
     def table(self) -> TextTable:
         """The table that is printed."""
         background = () if self.background is None else self.background.estimates
-        table = table_of((*self.refined, *background, *self.fixed))
+        table = table_of((*self.refined, *self.small_motion, *background, *self.fixed))
         low, high = self.amplitude_range
         slow, fast = self.frequency_range
         # without repeats the noise is that of the misfit, unless this has a pattern

@@ -23,6 +23,7 @@ from rsgen.formula.names import remembers, symbol
 from rsgen.formula.units import choose_scale, number_text
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.results import Identification, MultisineIdentification, changed
+from rsgen.identification.results.estimates import SMALL_MOTION
 from rsgen.law.memory import with_equations
 from rsgen.law.motion import Motion, cycle_work, project
 from rsgen.law.numeric import compile_law
@@ -266,9 +267,6 @@ _MAX_STEPS_TO_MEAN = 20
 _HALF_POWER = float(np.sqrt(0.5))
 """Least sine of the phase: between the half-power points an error of the phase changes the energy little."""
 
-_AT_REST = (1e-9, 1e-8)
-"""Shares of the smallest amplitude at which the stiffness at rest is read: Segalman's law comes as X**0.5."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredLoops:
@@ -481,7 +479,7 @@ def small_stiffness(identification: Identification, values: Mapping[str, float])
     tested = amplitudes_tested(identification, 2)
     if not tested.size:
         return float("nan")
-    amplitude = tested[0] * np.array(_AT_REST)
+    amplitude = tested[0] * np.array(SMALL_MOTION)
     omega = np.full(2, 2 * np.pi * float(np.median(identification.curve.frequency)))
     used = {name: values[name] for name in identification.model.parameters}
     with np.errstate(all="ignore"):
