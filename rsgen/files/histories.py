@@ -55,9 +55,9 @@ def _rows(
             raise MeasurementError(f"{label}: {quote(name)} is complex; samples are real numbers")
         rule = cast("HistoryRule", test.history)
         if name == rule.time:
-            values = _in_si(label, channels[0], values, findings, "s", rule.unit)
+            values = _in_si(label, channels[0], findings, "s", rule.unit)
         elif name == rule.rate_column and all(name != channel.samples for channel in test.sources):
-            values = _in_si(label, channels[0], values, findings, "Hz")
+            values = _in_si(label, channels[0], findings, "Hz")
         rows[name] = values
     titles = {name: channels[0].path for name, channels in groups.items()}
     for channel in test.sources:
@@ -71,12 +71,7 @@ _PER_SECOND = re.compile(r"(?:1|Sa?|samples?)/s\Z")
 
 
 def _in_si(
-    label: str,
-    column: StoredArray,
-    values: NDArray[Any],
-    findings: list[Finding],
-    target: str,
-    unit: str | None = None,
+    label: str, column: StoredArray, findings: list[Finding], target: str, unit: str | None = None
 ) -> NDArray[Any]:
     """Return instants or rates (n,) in s or Hz, by the unit in the case or else in the file.
 
@@ -96,9 +91,9 @@ def _in_si(
         about = {"file": label, "column": column.path, "unit": column.unit}
         about["source"] = column.unit_source or "the file"
         # a rate has no unit in the case
-        alone = {"of": "rate"} if target == "Hz" else {}
-        findings.append(Finding("unit-of-file", "info", names=about | alone))
-    return scaled(values, size)
+        about |= {"of": "rate"} if target == "Hz" else {}
+        findings.append(Finding("unit-of-file", "info", names=about))
+    return scaled(column.values.reshape(-1), size)
 
 
 _SAMPLING_RATE = re.compile(r"(?i)f_?s$|f?samp\w*_?(rate|freq)|abtast")

@@ -360,13 +360,8 @@ def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
         "acceleration": finite_or_none(curve.acceleration),
         "still_rising": len(curve.frequency) > 0 and curve.rises_at_end,
         "jumps": [
-            {
-                "frequency": jump.frequency,
-                "interval": list(map(finite_or_none, jump.interval)),
-                "amplitude": jump.amplitude,
-                "sweep": jump.sweep,
-                "landing": finite_or_none(jump.landing),
-            }
+            jump._asdict()
+            | {"interval": list(map(finite_or_none, jump.interval)), "landing": finite_or_none(jump.landing)}
             for jump in curve.jumps
         ],
     }
@@ -453,11 +448,6 @@ class Entry:
         """The force of all elements."""
         return " + ".join(str(element["force"]) for element in self.result.get("elements", []))
 
-    @property
-    def small_motion(self) -> tuple[Estimate, ...]:
-        """Natural frequency and damping ratio, as far as they are stated."""
-        return tuple(_read_estimate(one, one) for one in self.result.get("small_motion", []))
-
     def fit(self, name: str = "") -> ComparedFit:
         """Return the result as ``compare_fits`` takes an identification."""
         fixed, background = self.result.get("fixed", {}), self.result.get("background") or {}
@@ -474,13 +464,13 @@ class Entry:
         return ComparedFit(
             name,
             (
-                *(_read_estimate(row, row["refined"] or {}) for row in self.result["parameters"]),
+                *(read_estimate(row, row["refined"] or {}) for row in self.result["parameters"]),
                 *(
-                    _read_estimate({"name": key, **one}, {**one, "standard_error": 0.0})
+                    read_estimate({"name": key, **one}, {**one, "standard_error": 0.0})
                     for key, one in fixed.items()
                 ),
             ),
-            tuple(_read_estimate(one, one) for one in background.get("estimates", [])),
+            tuple(read_estimate(one, one) for one in background.get("estimates", [])),
             Verdict(self.verdict["state"], decided),
             _number(self.result["residual"]["relative"]),
             errors_by_level(scores),
@@ -492,7 +482,7 @@ def _number(value: float | None, unknown: float = math.nan) -> float:
     return unknown if value is None else float(value)
 
 
-def _read_estimate(row: Mapping[str, Any], numbers: Mapping[str, Any]) -> Estimate:
+def read_estimate(row: Mapping[str, Any], numbers: Mapping[str, Any]) -> Estimate:
     """Read what ``_estimate`` wrote; what is fixed has no error, and an older background no interval."""
     value = _number(numbers.get("value"))
     error = _number(numbers.get("standard_error"), math.inf)

@@ -39,7 +39,7 @@ from rsgen.dynamics.simulation import simulate
 from rsgen.identification.identify import identify
 from rsgen.identification.results import Identification
 from rsgen.identification.results.result import table_of
-from rsgen.report.result_json import Entry
+from rsgen.report.result_json import Entry, read_estimate
 
 RESULT = "result.json"
 
@@ -190,8 +190,8 @@ def _in_one_line(element: Mapping[str, Any]) -> str:
 def _finished(case: Case, folder: Path) -> CaseRun:
     """Return what the result in a folder says of a case."""
     result = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-    entry = Entry(folder, result)
-    fit = entry.fit()
+    fit = Entry(folder, result).fit()
+    small_motion = (read_estimate(one, one) for one in result.get("small_motion", ()))
     severities = [finding["severity"] for finding in result["findings"]]
     said = list(zip(result["findings"], result["warnings"], strict=True))
     asked = [str(text) for finding, text in said if finding["code"] == "level-predicted"]
@@ -204,7 +204,7 @@ def _finished(case: Case, folder: Path) -> CaseRun:
         held_out=(*(str(entry["said"]) for entry in result["held_out"]), *asked),
         values=(
             " + ".join(_in_one_line(element) for element in result["elements"]),
-            *str(table_of((*fit.estimates, *entry.small_motion, *fit.background))).split("\n"),
+            *str(table_of((*fit.estimates, *small_motion, *fit.background))).split("\n"),
             *(f"  {line}" for line in (result["outcome"], *result.get("mass_notes", ()))),
         ),
         warned=tuple(f"  warning: {text}" for finding, text in said if finding["severity"] == "warning"),

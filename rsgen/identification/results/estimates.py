@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from math import inf, isfinite, log2, nan
 from typing import TypeVar
 
@@ -89,18 +90,18 @@ _OF_SMALL_MOTION = {"natural-frequency": "Hz", "damping-ratio": ""}
 
 
 @np.errstate(all="ignore")
-def _small_motion(law: ForceLaw, values: Array, mass: float, amplitude: float) -> Array:
+def _small_motion(law: ForceLaw, amplitude: float, values: Array) -> Array:
     """Return natural frequency [Hz] and damping ratio (2,) of small motion; NaN where there is none.
 
-    Both are NaN of friction, and of a law that is another one on both sides of rest.
+    Both are NaN of friction, and of a law that is another one on both sides of rest. The last of the values
+    (q,) is the mass.
     """
     size, omega = amplitude * np.array(SMALL_MOTION), np.ones(2)
     for _ in range(4):  # the stiffness of most laws does not depend on omega: the second round is final
-        force = law.along(sine_motion(omega, size), values, SAMPLES_PER_PERIOD_SWITCHED).force
+        force = law.along(sine_motion(omega, size), values[:-1], SAMPLES_PER_PERIOD_SWITCHED).force
         mean, stiffness = project(force, 0) / size, project(force, 1) / size
-        omega = np.sqrt(stiffness.real / mass)
-    found = np.array([omega / (2 * np.pi), stiffness.imag / (2 * stiffness.real)])
-    near, far = found.T
+        omega = np.sqrt(stiffness.real / values[-1])
+    near, far = np.array([omega / (2 * np.pi), stiffness.imag / (2 * stiffness.real)]).T
     settled = np.abs(far - near) <= MISFIT_NEGLIGIBLE * np.abs(near)
     alike = abs(mean[0]) <= MISFIT_NEGLIGIBLE * abs(stiffness[0])
     sticks = abs(near[1]) > (1 + MISFIT_NEGLIGIBLE) * abs(far[1])
@@ -115,10 +116,7 @@ def state_small_motion(law: ForceLaw, found: Regression, amplitude: float) -> tu
     """
     if law.acts_across or not found.converged:
         return ()
-
-    def evaluate(values: Array) -> Array:
-        return _small_motion(law, values[:-1], float(values[-1]), amplitude)
-
+    evaluate = partial(_small_motion, law, amplitude)
     centre = evaluate(found.parameters)
     steps = 1e-6 * np.where(found.parameters == 0, 1.0, found.parameters)
     changes = np.array([evaluate(found.parameters + step) - centre for step in np.diag(steps)]).T
