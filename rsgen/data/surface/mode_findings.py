@@ -136,32 +136,33 @@ def _misread_level(test: ResponseSurface, mass: float) -> list[Finding]:
     force, response, omega, level = test.force, test.harmonics[:, 1], test.omega, test.level
     levels, counts = np.unique(level, return_counts=True)
 
-    def fit(pushed: ComplexArray, moved: ComplexArray, without: float = nan) -> float:
-        """Return the largest of the median misfits of all levels; infinite if m, k or c is negative."""
+    def fit(pushed: ComplexArray, moved: ComplexArray, without: float = nan) -> tuple[bool, float]:
+        """Return whether m, k or c is negative, and the largest of the median misfits of all levels."""
         chosen = level != without
         shapes, motion = hats(np.abs(moved[chosen])), steady(pushed[chosen], moved[chosen], omega[chosen])
         found = fit_mode(*motion, shapes, 1 / np.abs(pushed[chosen]), mass=mass)
         left = np.abs(found.left)
         typical = [np.median(left[level[chosen] == one]) for one in levels if one != without]
-        return float(max(typical)) if all(found.passive) else np.inf
+        return not all(found.passive), float(max(typical))
 
     if len(levels) < _MIN_LEVELS or (test.base and np.isnan(mass)):
         return []
-    misfit, left = fit(force, response), [fit(force, response, one) for one in levels]
-    place, enough = int(np.argmin(left)), min((1 - MIN_MISFIT_REDUCTION) * misfit, MISFIT_REJECTED)
-    if misfit < MISFIT_REJECTED or left[place] > enough or counts[place] < MIN_POINTS_OF_RUN:
+    negative, misfit = fit(force, response)
+    left = [fit(force, response, one)[1] for one in levels]
+    place, enough = int(np.argmin(left)), (1 - MIN_MISFIT_REDUCTION) * min(misfit, MISFIT_REJECTED)
+    right = misfit < MISFIT_REJECTED and not negative
+    if right or left[place] > enough or counts[place] < MIN_POINTS_OF_RUN:
         return []
-    here, fits = level == levels[place], list[tuple[float, str, float]]()
+    here, fits = level == levels[place], list[tuple[bool, float, str, float]]()
     for name, pushed, moved in _readings(test, mass):
-        then = fit(np.where(here, pushed, force), np.where(here, moved, response))
-        fits.append((then, name, float(np.abs(response / moved)[here][0])))
-    then, name, gain = min(fits)
-    if then > enough:
+        found = fit(np.where(here, pushed, force), np.where(here, moved, response))
+        fits.append((*found, name, float(np.abs(response / moved)[here][0])))
+    negative, then, name, gain = min(fits)
+    if negative or then > enough:
         return []
-    numbers = {"level": Quantity(levels[place], test.level_unit)} | quantities(then=then)
+    numbers = quantities(test.level_unit, level=levels[place]) | quantities(misfit=misfit, then=then)
     if name in COMMON_FACTORS:
         return [Finding("levels-disagree", "doubt", "", numbers | quantities(gain=gain), {"near": name})]
-    numbers |= quantities(misfit=misfit) if np.isfinite(misfit) else {}
     return [Finding("another-quantity", "doubt", "", numbers, {"is": name, "sure": "yes"})]
 
 
