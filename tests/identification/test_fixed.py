@@ -276,16 +276,20 @@ def test_one_level_that_was_read_otherwise_than_the_others_is_named(read, place)
 
 
 @pytest.mark.parametrize("absolute", [True, False])
-def test_one_level_of_a_driven_base_with_exchanged_channels_is_named(absolute):
+@pytest.mark.parametrize("read", ["exchanged", "sign"])
+def test_one_level_of_a_driven_base_that_was_read_otherwise_is_named(read, absolute):
     test = surface("cubic")
     test = noisy(test.select(np.isin(test.level, test.levels[:4])), NOISE, 1)
     here, base = test.level == test.levels[2], test.force / MASS / test.omega**2
     top, table = test.harmonics[:, 1] + absolute * base, base
-    top, table = np.where(here, table, top), np.where(here, top, table)
+    if read == "sign":
+        top = np.where(here, -top, top)
+    else:
+        top, table = np.where(here, table, top), np.where(here, top, table)
     shaken = {"base": "acceleration", "per_mass": True, "level": test.level / MASS}
     wrong = fundamentals(test, top - absolute * table, table * test.omega**2, **shaken)
     (said,) = mode_findings(wrong, None, (), False)
-    assert (said.names["is"], said["level"]) == ("exchanged", test.levels[2] / MASS)
+    assert (said.names["is"], said["level"]) == (read, test.levels[2] / MASS)
 
 
 def test_two_levels_alone_accuse_each_other_of_nothing_that_curves_may_leave():

@@ -169,16 +169,17 @@ def _misread_level(test: ResponseSurface, mass: float) -> list[Finding]:
 def _readings(test: ResponseSurface, mass: float) -> list[tuple[str, ComplexArray, ComplexArray]]:
     """Return what channels may be: a name, force and response (n,) that they then are."""
     force, response, omega = test.force, test.harmonics[:, 1], test.omega
-    if test.base:
-        # the motion is the absolute one minus that of the base, or was measured
-        inertia = mass * omega**2
-        pairs = [(inertia * response + force, -response), (inertia * response, force / inertia)]
-        return [("exchanged", *pair) for pair in pairs]
+    pairs = list(_exchanged(force, response, omega))
     motions = {"sign": [-response], "sense": [force * np.conj(response / force)]}
     motions |= {f"{order:+d}": [response / (1j * omega) ** order] for order in (-2, -1, 1, 2)}
     motions |= {name: [response / by, response * by] for name, by in COMMON_FACTORS.items()}
+    if test.base:
+        # the motion is the absolute one minus that of the base, or was measured
+        inertia, base = mass * omega**2, force / (mass * omega**2)
+        pairs = [(inertia * (response + base), -response), (inertia * response, base)]
+        motions = {"sign": [-response - 2 * base, -response]}
     others = [(name, force, moved) for name, either in motions.items() for moved in either]
-    return [*others, *(("exchanged", *pair) for pair in _exchanged(force, response, omega))]
+    return [*others, *(("exchanged", *pair) for pair in pairs)]
 
 
 def _exchanged(
