@@ -311,13 +311,12 @@ def in_order(findings: Iterable[Finding]) -> list[Finding]:
 
 def state_verdict(verdict: Verdict) -> StatedVerdict:
     """Put a verdict into words."""
-    decided = verdict.decided_by
     return {
         "state": verdict.state,
         "headline": headline(verdict),
-        "decided_by": [finding.to_dict() for finding in decided],
-        "sentences": [full_sentence(finding) for finding in decided],
-        "next_steps": [next_step(finding) for finding in decided],
+        "decided_by": [finding.to_dict() for finding in verdict.decided_by],
+        "sentences": [full_sentence(finding) for finding in verdict.decided_by],
+        "next_steps": [next_step(finding) for finding in verdict.decided_by],
     }
 
 

@@ -89,9 +89,8 @@ def size_findings(table: ResponseSurface | MultisineSpectra, case: Case) -> list
     calibrated = case.observation.calibrated
     if isinstance(table, MultisineSpectra):
         return list(implausible(table)) if calibrated else []
-    found = [*plausibility_findings(table, calibrated=calibrated)]
     mass = case.model.mass if case.observation.background in ("none", "phase") else None
-    return mode_findings(table, mass, found)
+    return mode_findings(table, mass, plausibility_findings(table, calibrated=calibrated))
 
 
 def _plan(case: Case) -> tuple[dict[str, Any], list[str]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from math import nan, pi
@@ -56,7 +56,7 @@ _MISFIT_OF_EXCHANGE = 0.03
 def mode_findings(
     surface: ResponseSurface,
     mass: float | None,
-    known: Collection[Finding] = (),
+    known: Iterable[Finding] = (),
     fits: bool | None = None,
 ) -> list[Finding]:
     """Return what is known, and that levels or channels are exchanged, one level was misread, or a given mass
