@@ -302,7 +302,8 @@ def ratio_finding(fit: Fit, base: str) -> Finding | None:
     off = channel_finding(without, without.regression.rms_misfit, (misfit,), {own.kind: misfit}, base)
     if off is None or "gain" not in off.numbers:
         return None
-    return replace(off, numbers={**off.numbers, **quantities(behind=misfit)}, names={"background": own.kind})
+    numbers = {**off.numbers, "behind": Quantity(misfit)}
+    return replace(off, numbers=numbers, names={"background": own.kind})
 
 
 def _left_by_half(residual: Array, pairs: NDArray[np.intp]) -> tuple[float, float]:
