@@ -48,6 +48,9 @@ def test_an_even_force_does_not_take_up_the_offset_of_a_sensor(mean):
     assert found["k2"].interval[0] < 2e5 < found["k2"].interval[1]
     said = [finding for finding in found.findings if finding.code == "sensor-offset"]
     assert [finding.severity for finding in said] == ["warning"] * (mean != 0.0)
+    for finding in said:
+        assert (finding["differ"] < 1e-6) is (mean != "subtracted")
+        assert mean == "subtracted" or finding["offset"] == pytest.approx(mean, rel=1e-3)
     # of a law that lacks the even term nothing is blamed on a sensor
     wrong = rsgen.identify(right, "k*x + k3*x**3 + c*v")
     assert "sensor-offset" not in codes(wrong)

@@ -273,6 +273,13 @@ class Balance:
         return np.asarray(np.abs(np.stack(forces)) ** 2)
 
     @staticmethod
+    def zeros(lines: SpectralLines, law: ForceLaw, values: Array, mass: float) -> Array:
+        """Return the recorded means (r,) [m] less those of the motions along which the law is."""
+        records = along_records(lines, law, values.tobytes(), mass)
+        means = np.array([record.mean.trajectory[0].mean() for record in records])
+        return np.asarray(lines.spectra.mean_response[:, 0].real - means)
+
+    @staticmethod
     def noise(lines: SpectralLines, law: ForceLaw, values: Array, mass: float) -> BalanceNoise:
         """Evaluate the law along every period: variance of the balance, bias of the law, covariance."""
         spectra = lines.spectra

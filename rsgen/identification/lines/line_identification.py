@@ -111,7 +111,7 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
     fit = fit_multisine(spectra, model, NEAR_STEPS if misread else MAX_NEWTON_STEPS)
     with np.errstate(all="ignore"):
         for offset in [] if misread else offset_findings(fit):
-            without = replace(spectra, mean_known=False, findings=(*spectra.findings, offset))
+            without = replace(spectra, mean_known=False)
             other = fit_multisine(without, model)
             names, errors = (*fit.law.parameters, "m"), np.sqrt(np.diag(fit.errors[0].covariance))
             moved = is_significant(other.parameters - fit.parameters, errors)[: len(names)]
@@ -122,7 +122,10 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
             ):
                 break
             if mean_may_be_offset(spectra):
-                spectra, fit = without, other
+                zeros, fit = Balance.zeros(other.mode, other.law, other.values, other.mass), other
+                differ = {"differ": np.ptp(zeros)} if len(zeros) > 1 else {}
+                seen = {**offset.numbers, **quantities("m", offset=np.median(zeros), **differ)}
+                spectra = replace(without, findings=(*spectra.findings, replace(offset, numbers=seen)))
             elif moved.any():
                 # without the mean of the motion that of the force would be lost, too
                 said = {"by": "load", "values": listed([names[i] for i in np.flatnonzero(moved)])}
