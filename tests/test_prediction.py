@@ -7,20 +7,12 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from rsgen import (
-    ResponseSurface,
-    RsgenError,
-    SimulatedTest,
-    figures,
-    identify,
-    make_element,
-    sentence,
-    simulate,
-)
+from rsgen import Law, ResponseSurface, RsgenError, SimulatedTest, identify, sentence, simulate
 from rsgen.common.finding import Finding, Quantity
 from rsgen.data.history import SweepLaw, TimeHistory, from_free_decay, from_swept_sine
 from rsgen.data.oscillator import Model, Observation, Oscillator
 from rsgen.describing.derivation import derive
+from rsgen.figures import draw_responses
 from rsgen.identification.identify import _with_held_out
 from rsgen.identification.prediction import HeldOutLevel, Prediction, predict
 from rsgen.identification.prediction.amplitude_balance import balance_of
@@ -578,7 +570,7 @@ def test_a_level_has_one_name(label, name):
     assert held_out.name == name
     assert [curve.force for curve in prediction] == pytest.approx([1.9, 3.8, 7.6], rel=1e-3)
     # of its line the force near the resonance
-    legend = figures.draw_responses(table, prediction).figure.axes[0].get_legend()
+    legend = draw_responses(table, prediction).figure.axes[0].get_legend()
     assert legend.get_texts()[1].get_text() == f"{name} at 3.8 N"
     sizes = {"level": Quantity(4.0, "N"), "misfit": Quantity(0.1), "typical": Quantity(0.01)}
     doubted = replace(found, findings=(Finding("level-deviates", "doubt", "", sizes),))
@@ -597,7 +589,7 @@ def test_predictions_keep_to_the_band_of_the_observation():
     assert [curve.level for curve in prediction] == [2.0, 4.0, 6.0, 8.0]
     (held_out,) = prediction.held_out
     assert (held_out.force, found.held_out[0].force) == (4.0, 4.0)
-    drawn = figures.draw_responses(table, prediction).figure.axes[0]
+    drawn = draw_responses(table, prediction).figure.axes[0]
     for at in (*(curve.frequency for curve in prediction), *(line.get_xdata() for line in drawn.get_lines())):
         assert band[0] <= np.nanmin(at) < np.nanmax(at) <= band[1]
     assert len(predict(found, [6.0], band=(7.0, 13.0))[6.0].frequency)
@@ -648,7 +640,7 @@ def test_a_free_decay_has_no_band_that_cuts_its_curves():
 def test_an_oscillator_whose_loop_closes_up_to_an_amplitude_is_predicted():
     memory = {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}
     values = {"k": 5e4, "c": 40.0, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}
-    joint = Oscillator(2.0, (make_element("all", "k*x + c*v + z", memory),), values)
+    joint = Oscillator(2.0, Law("k*x + c*v + z", memory=memory), values)
     curve = predict(joint, [10.0])[10.0]
     top = int(np.nanargmax(curve.amplitude))
     own = simulate(joint, SimulatedTest([10.0], [float(curve.frequency[top])]))

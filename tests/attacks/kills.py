@@ -8,6 +8,7 @@ import time
 from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 from tests.attacks import program
@@ -44,15 +45,11 @@ def _codes(number: signal.Signals, whom: str) -> tuple[int, ...]:
     return (0, -number) if number == signal.SIGKILL else (0, 130, -number)
 
 
-Found = dict[str, list[str]]  # what was found, by figure
-
-
-def kill_once(
-    seed: int, place: Path, seconds: float, earlier: Path, tried: Counter[str], found: Found
-) -> None:
+def kill_once(seed: int, place: Path, seconds: float, earlier: Path, tried: Counter[str]) -> list[list[str]]:
     """Begin a run, of two cases where it is pooled, end it at a random moment, look, run again, look again.
 
     Half of the runs begin where earlier results lie, which must not be lost; a fifth compile their kernels.
+    Return what was found, by figure.
     """
     chance = random.Random(seed)
     number, jobs = chance.choice(SIGNALS), chance.choice(("1", "2"))
@@ -74,21 +71,19 @@ def kill_once(
     what = f"seed {seed}, {number.name}, {whom}, --jobs {jobs}"
     tried[f"{number.name} {'pooled' if jobs == '2' else 'alone'}"] += 1
     tried["reached the run before its end"] += reached and (ended.code != 0 or whom == "a worker")
-    lying, lost, orphans, left, talk = found.values()
-    lying += [f"{what}: {name}" for name in program.lies(out)]
-    orphans += [what] * bool(ended.orphans)
-    # orphans are counted above
+    lying = [f"{what}: {name}" for name in program.lies(out)]
+    # orphans are counted on their own
     fault = replace(ended, orphans=0).fault(*_codes(number, whom))
-    talk += [f"{what}: {fault}"] * bool(fault)
+    talk = [f"{what}: {fault}"] * bool(fault)
     # a result that had been moved aside comes back before anything is computed
     following = program.rsgen("run", *cases, "--out", out, "--jobs", "1", env=around)
     fault = following.fault(0)
     talk += [f"{what}, next run: {fault}"] * bool(fault)
     lying += [f"{what}, next run: {name}" for name in program.lies(out)]
     kept = [case for case in cases if case.stem in before]
-    if following.out.count("unchanged") < len(kept) or len(program.verified(out)) < len(before):
-        lost.append(what)
-    left += [f"{what}: {name}" for name in program.leftovers(out, place / "tmp", place / "cache")]
+    lost = following.out.count("unchanged") < len(kept) or len(program.verified(out)) < len(before)
+    left = [f"{what}: {name}" for name in program.leftovers(out, place / "tmp", place / "cache")]
+    return [lying, [what] * lost, [what] * bool(ended.orphans), left, talk]
 
 
 def _undisturbed(place: Path) -> float:
@@ -105,17 +100,17 @@ def _undisturbed(place: Path) -> float:
 
 
 def run(count: int, seed: int) -> list[Row]:
-    tried, found = Counter[str](), {figure: [] for figure in FIGURES}
+    tried, found = Counter[str](), []
     with program.temporary() as earlier:
         seconds = _undisturbed(earlier)
         for number in range(count):
             with program.temporary() as place:
-                kill_once(1_000_000 * seed + number, place, seconds, earlier, tried, found)
+                found.append(kill_once(1_000_000 * seed + number, place, seconds, earlier, tried))
     kinds = "; " + ", ".join(f"{times} {kind}" for kind, times in sorted(tried.items()))
     return [
         program.failures(
-            f"kills of whole runs at random moments, {count}: {figure}", which,
+            f"kills of whole runs at random moments, {count}: {figure}", [*chain(*which)],
             f" of {count}{kinds if figure == FIGURES[0] else ''}",
         )
-        for figure, which in found.items()
+        for figure, *which in zip(FIGURES, *found, strict=True)
     ]  # fmt: skip
