@@ -69,8 +69,7 @@ def test_a_formula_with_integrals_says_what_is_evaluated():
         assert float(value) == pytest.approx(float(number), rel=1e-9)
     # integral of n = K b (X - b log(1 + X/b))
     area = 8 * 3 * 0.7 * (1.3 - 0.7 * np.log(1 + 1.3 / 0.7)) - 4 * 1.3 * 3 * 1.3 / (1 + 1.3 / 0.7)
-    lost = np.pi * OMEGA * 1.3**2 * float(found.damping)
-    assert lost == pytest.approx(area, rel=1e-9)
+    assert np.pi * OMEGA * 1.3**2 * float(found.damping) == pytest.approx(area, rel=1e-9)
 
 
 def test_joints_side_by_side_are_closed():

@@ -51,8 +51,7 @@ def test_the_damping_force_is_drawn_up_to_the_largest_velocity_of_the_test():
     axes = drawn("forces")[0].figure.axes[1]
     largest = max(np.max(np.abs(line.get_xdata())) for line in axes.lines)
     tested = 2 * np.pi * np.max((SURFACE.amplitude * SURFACE.frequency)[SURFACE.settled])
-    scale = figures.choose_scale([tested], "m/s")
-    assert largest * scale.factor == pytest.approx(tested, rel=1e-3)
+    assert largest * figures.choose_scale([tested], "m/s").factor == pytest.approx(tested, rel=1e-3)
     assert tested < 0.95 * 2 * np.pi * SURFACE.amplitude.max() * SURFACE.frequency.max()
 
 
@@ -69,8 +68,7 @@ def test_a_first_order_value_that_is_not_determined_has_no_predicted_bias():
 def test_a_force_that_varied_along_the_sweep_is_that_of_the_curve():
     (item, *_), (curve, *_) = PREDICTION.held_out, PREDICTION.curves
     dropped = replace(PREDICTION, held_out=(replace(item, force=0.9 * item.level),), curves=(curve,))
-    drawing = figures.draw_held_out(dropped)
-    shown = [line for axes in drawing.figure.axes for line in axes.lines]
+    shown = [line for axes in figures.draw_held_out(dropped).figure.axes for line in axes.lines]
     (line,) = [line for line in shown if line.get_label() == "predicted at the measured forces"]
     assert line.get_ydata() == pytest.approx(np.abs(item.predicted) * 1e3)
 

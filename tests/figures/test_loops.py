@@ -36,8 +36,7 @@ def test_a_measured_loop_is_the_force_that_moved_the_mass():
     expected = sum((w * np.exp(1j * h * phase)).real for h, w in enumerate(wanted) if h)
     np.testing.assert_allclose(loop.force[0], expected, atol=1e-9 * FS)
     # the loop of the fundamental has the area of the force that was measured: 4 Fs (X - x_s)
-    found = measured_energy(surface)
-    assert found.energy == pytest.approx([4 * FS * (3 * SLIP - SLIP)], rel=1e-4)
+    assert measured_energy(surface).energy == pytest.approx([4 * FS * (3 * SLIP - SLIP)], rel=1e-4)
 
 
 def test_the_mass_is_read_without_a_law():
@@ -82,8 +81,7 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
 def test_a_loop_of_dry_friction_does_not_lean():
     """Between turns the chord joined the upper branch at one end to the lower branch at the other."""
     joint = rs.Oscillator(0.8, "k*x + c*v + Ff*sign(v)", {"k": 4200.0, "c": 1.1, "Ff": 0.35})
-    decay = rs.DecayTest(level=[14e-3], duration=3, rate=2000, noise_relative=2e-4)
-    seen = rs.simulate(joint, decay)
+    seen = rs.simulate(joint, rs.DecayTest(level=[14e-3], duration=3, rate=2000, noise_relative=2e-4))
     found = rs.identify(seen, "k*x + c*v + Ff*sign(v)", mass=0.8)
     _, panel = rs.figures.draw_loops(seen, found).figure.axes
     for line in (one for one in panel.get_lines() if len(one.get_xdata()) > 200):

@@ -43,5 +43,4 @@ def test_an_ordinary_test_is_not_doubted(reader: str, force: np.ndarray, noise: 
 
 @DRIVES
 def test_a_response_that_does_not_answer_the_force_is_a_doubt(reader: str, force: np.ndarray) -> None:
-    found = READERS[reader](TimeHistory(RATE, force, RANDOM[1]))
-    assert severities(found)["power-not-at-lines"] == "doubt"
+    assert severities(READERS[reader](TimeHistory(RATE, force, RANDOM[1])))["power-not-at-lines"] == "doubt"

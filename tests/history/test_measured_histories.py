@@ -27,8 +27,7 @@ def test_a_level_of_the_f16_is_predicted_from_the_others(measured_data) -> None:
     # the mount follows payload minus wing, and is predicted with the motion across that was measured there
     case = rsgen.load_case(CASES / "f16.toml", data=measured_data("f16").parent)
     surface = read_measurement(case.test)
-    found = rsgen.identify(surface, case.model)
-    (item,) = rsgen.predict(found, surface=surface).held_out
+    (item,) = rsgen.predict(rsgen.identify(surface, case.model), surface=surface).held_out
     predicted, measured = (peak(item.frequency, values) for values in (item.predicted, item.measured))
     # the figures of the requirement for a level that identification has not seen
     assert predicted[0] == pytest.approx(measured[0], rel=5e-3)

@@ -113,8 +113,7 @@ def test_an_envelope_is_exact_for_a_cubic_and_its_noise_as_the_bandwidth_says() 
 def test_a_fast_sweep_of_a_linear_oscillator_is_corrected(quantity: str, monkeypatch) -> None:
     # the receptance of a linear oscillator is known; at rate/(half width)^2 = 5 it is shifted by a half width
     law, rate, n = SweepLaw("linear", 8.0, 0.05), 400.0, 36000
-    o = linear()
-    x = np.asarray(sweep(o, 1.0, law, 12.5, rate).response)[:n]
+    x = np.asarray(sweep(linear(), 1.0, law, 12.5, rate).response)[:n]
     force = np.cos(law.phase_at(np.arange(n) / rate))
 
     # by differences of high order, not by the rule that is tested
@@ -186,8 +185,7 @@ def spoilt(clean: TimeHistory, noise: float, random: np.random.Generator) -> Tim
 def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHistory:
     """Sweep an oscillator at 10 Hz, half width 0.05 Hz, through a resonance that jumps."""
     values = {"k": STIFFNESS, "k3": cubic, "c": DAMPING / 2}
-    o = Oscillator(MASS, "k*x + k3*x**3 + c*v", values)
-    return sweep(o, level, law, stop, 200.0)
+    return sweep(Oscillator(MASS, "k*x + k3*x**3 + c*v", values), level, law, stop, 200.0)
 
 
 @pytest.mark.parametrize("cubic", [8e6, -8e6])
@@ -278,7 +276,6 @@ def test_a_point_that_is_not_used_says_why() -> None:
 
 
 def test_harmonics_above_the_sampling_rate_are_unknown() -> None:
-    history = forced(SweepLaw("linear", 8.0, 0.05), 60.0, 80)
-    surface = from_swept_sine(history, harmonics=5)
+    surface = from_swept_sine(forced(SweepLaw("linear", 8.0, 0.05), 60.0, 80), harmonics=5)
     assert np.isfinite(surface.harmonics[:, :3]).all()
     assert np.isnan(surface.harmonics[:, 3:]).all()

@@ -100,8 +100,7 @@ def test_layouts_of_texts(tmp_path, text, layout, column, begun):
 
 def test_a_case_begun_from_names_and_units_keeps_them(tmp_path, begun):
     rows = (f"{n},{f},{f + n},2" for n, f in product((1, 2), range(1, 30)))
-    path = table(tmp_path / "a.csv", "level,frequency,acceleration,phase\nN,Hz,m/s^2,deg", rows)
-    case = begun(path)
+    case = begun(table(tmp_path / "a.csv", "level,frequency,acceleration,phase\nN,Hz,m/s^2,deg", rows))
     text = case.read_text("utf-8")
     assert "[test.layout]" not in text
     # another unit than that of the file is a doubt, of a level, too
@@ -175,8 +174,7 @@ def test_a_draft_leaves_open_what_it_does_not_know_and_reads_levels_from_names(t
     assert 'unit      = "V"\nfactor    = "?" ' in text
     assert 'name = "rep*_{level}N_*.csv"' in text
     case.write_text(text.replace("frequency]\ncolumn", 'frequency]\nunit = "?"\ncolumn'), "utf-8")
-    said = run_cli("check", case).err
-    opened = sorted(line.split(": ")[1] for line in said.splitlines())
+    opened = sorted(line.split(": ")[1] for line in run_cli("check", case).err.splitlines())
     assert opened == ["test.force.factor", "test.frequency.unit"]
     case.write_text(text.replace('"?"', '"22.5 mV/N"'), "utf-8")
     answer = run_cli("check", case)

@@ -77,8 +77,7 @@ def test_points_of_a_modal_test_are_no_levels(tmp_path, points, left_out):
 
 
 def test_levels_are_read_from_the_titles_of_functions(tmp_path):
-    nowhere = [(0, 0, 1.0)] * 2
-    path = modal_file(tmp_path / "a.uff", nowhere, ("receptance, 2 N", "receptance, 10 N"))
+    path = modal_file(tmp_path / "a.uff", [(0, 0, 1.0)] * 2, ("receptance, 2 N", "receptance, 10 N"))
     tables, surface, doubts = read_draft(path)
     assert tables["level"] == {"values": ["2 N", "10 N"], "scale": "peak"}
     assert "titles" in doubts["test.level.values"]

@@ -105,8 +105,7 @@ def test_volts_that_nothing_calls_a_level_lead_to_labels(draft):
     ("[4, 3, 2, 1]", []),
 ])  # fmt: skip
 def test_labels_in_another_order_than_sheets_or_forces_are_a_doubt(draft, values, sentences):
-    case = draft((LEVEL, f"values = {values}"))
-    findings = read(load_case(case)).findings
+    findings = read(load_case(draft((LEVEL, f"values = {values}")))).findings
     found = [one for one in findings if one.code == "levels-swapped"]
     falls = ["they fall as the labels rise" in str(one) for one in findings if one.code == "levels-disagree"]
     assert falls == [values != "[0.5, 0.25, 1, 1.4]"]

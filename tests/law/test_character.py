@@ -65,8 +65,7 @@ MAXWELL = {"z": "k1*v - z/tau"}
     (rsgen.laws["iwan4"].formula, {}, {"positive": "phimax"}),
 ])  # fmt: skip
 def test_what_kind_of_law_it_is(text, memory, expected):
-    force = with_memory(parse(text), memory) if memory else parse(text)
-    kind = character(force)
+    kind = character(with_memory(parse(text), memory) if memory else parse(text))
 
     def names(places: tuple[int, ...]) -> str:
         return " ".join(kind.parameters[i] for i in places)

@@ -87,8 +87,7 @@ def test_slopes_of_a_loop_are_differences(name):
     omega = motion.omega
 
     def projected(at: np.ndarray, values: np.ndarray) -> np.ndarray:
-        moved = Motion(omega, series.complex(at))
-        return law.along(moved, values, samples).force @ series.project
+        return law.along(Motion(omega, series.complex(at)), values, samples).force @ series.project
 
     at = series.real(motion.harmonics)
     sample = law.along(motion, values, samples)

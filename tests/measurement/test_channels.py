@@ -84,8 +84,7 @@ def test_a_base_drives_by_its_acceleration(tmp_path, quantity, power, unit, resp
     seen = WING + (base if response == "absolute" else 0)
     amount = float(np.median(np.abs(base * OMEGA**power)))
     read = {"test.base": parts(2, quantity, response=response), "test.response": parts(4, "displacement")}
-    path = write(tmp_path, read, f"{amount:.9g} {unit}", a=((1j * OMEGA) ** power * base, seen))
-    surface = rs.read(path)
+    surface = rs.read(write(tmp_path, read, f"{amount:.9g} {unit}", a=((1j * OMEGA) ** power * base, seen)))
     np.testing.assert_allclose(surface.force, OMEGA**2 * base, rtol=1e-12)
     np.testing.assert_allclose(surface.harmonics[:, 1], WING, rtol=1e-9)
     assert (surface.per_mass, surface.base, surface.level_unit) == (True, quantity, unit)

@@ -41,8 +41,7 @@ def answers(recorded: str, turn: np.ndarray | complex = 1) -> tuple[np.ndarray, 
 def findings(folder, recorded: str, said: Changes | None = None) -> list:
     """Read the answers; their phases count from a generator, not the base."""
     base, seen = answers(recorded, np.exp(1j * (0.7 + 0.35 * FREQUENCY)))
-    columns = (FREQUENCY, LEVEL, base.real, base.imag, seen.real, seen.imag)
-    write_columns(folder / "a.csv", "", *columns)
+    write_columns(folder / "a.csv", "", FREQUENCY, LEVEL, base.real, base.imag, seen.real, seen.imag)
     found = rs.read(write_small(folder, "base", {**CASE, "test.base.response": recorded, **(said or {})}))
     return [f for f in found.findings if f.code in ("base-misread", "not-passive", "another-quantity")]
 

@@ -66,8 +66,7 @@ def test_sweeps_of_one_force_share_a_level(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", arrays)
     signals = Channel(amplitude="run_*[2]", unit="N"), Channel(amplitude="run_*[3]", unit="m")
     plan = planned(tmp_path / "a.mat", "run_*[1]", *signals, frequency_unit="Hz")
-    surface = read_measurement(plan)
-    np.testing.assert_allclose(surface.levels, [0.0501, 0.09995], rtol=1e-9)
+    np.testing.assert_allclose(read_measurement(plan).levels, [0.0501, 0.09995], rtol=1e-9)
     given = read_measurement(replace(plan, level=LevelRule(values=(0.05, 0.05, 0.1, 0.1))))
     assert given.levels.tolist() == [0.05, 0.1]
     assert not severities(given)

@@ -192,8 +192,7 @@ def test_volts_that_are_read_as_a_motion_are_doubted(tmp_path, texts, given, dou
     ("g", ("g", "m/s^2"), 0), ("m/s²", ("g", "g"), 2), ("V", ("g", "g"), 0), ("g", (None, None), 2),
 ])  # fmt: skip
 def test_a_unit_of_acceleration_for_all_is_compared_and_proposed(tmp_path, text, units, doubted):
-    channels = {"table": FORCE, "top": ACCELERATION[0], "fs": 50.0, "unit": text}
-    scipy.io.savemat(tmp_path / "a.mat", channels)
+    scipy.io.savemat(tmp_path / "a.mat", {"table": FORCE, "top": ACCELERATION[0], "fs": 50.0, "unit": text})
     base = BaseRule(Channel(samples="table", unit=units[0], quantity="acceleration"), "absolute")
     response = Channel(samples="top", unit=units[1])
     got = read_record(tmp_path / "a.mat", force=None, base=base, response=response)

@@ -65,8 +65,7 @@ def test_names_and_units_that_skip_passes_over_count_all_the_same(tmp_path, skip
     shape = {"layout": Layout(skip=skip)}
     in_metre = read_planned(path, 1, "F_N", Channel(amplitude=3, unit="m"), **shape)
     assert doubts(in_metre) == ["unit-contradicts-title"]
-    in_file = read_planned(path, "f_Hz", "F_N", 3, **shape)
-    assert in_file.amplitude[0] == pytest.approx(3e-3)
+    assert read_planned(path, "f_Hz", "F_N", 3, **shape).amplitude[0] == pytest.approx(3e-3)
 
 
 @pytest.mark.parametrize(("title", "unit", "quantity", "doubted"), [

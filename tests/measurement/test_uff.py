@@ -137,8 +137,7 @@ def test_a_data_set_164_that_contradicts_itself_decides_nothing(tmp_path, text, 
     said = rf"^{re.escape(str(path))}: the unit of '1/ordinate' is not known: .*{reason}"
     with pytest.raises(MeasurementError, match=said):
         read(case_of(path))
-    known = read(case_of(path, unit="m/s^2/N"))
-    np.testing.assert_allclose(accelerance(known), ACCELERANCE, rtol=PRINTED)
+    np.testing.assert_allclose(accelerance(read(case_of(path, unit="m/s^2/N"))), ACCELERANCE, rtol=PRINTED)
     assert reason in drafted(path).doubts["test.response.unit"]
 
 

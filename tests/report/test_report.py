@@ -198,8 +198,7 @@ def test_result_keeps_the_contract():
     assert write(parse(element["force"])) == element["force"]
     assert [formula["agrees"] for formula in read["printed"]] == [True, True]
     weighed = replace(IDENTIFICATION, model=replace(IDENTIFICATION.model, mass=MASS, mass_error=0.01))
-    given = build_result(parts_of(weighed), {})["mass_given"]
-    assert given == {"value": MASS, "standard_error": 0.01}
+    assert build_result(parts_of(weighed), {})["mass_given"] == {"value": MASS, "standard_error": 0.01}
     assert "mass_given" not in content
 
 
