@@ -364,8 +364,8 @@ def periodic_states(
     """
     count, samples = motion[0].shape
     begin = np.zeros((count, len(equations) * samples))
-    # Newton's steps from rest to the loop of a steep power are many; from that of a milder one they are few
     steepest = max((float(np.max(values[place], initial=0.0)) for place in powers), default=0.0)
+    # Newton's steps from rest to the loop of a steep power are many; from that of a milder one they are few
     for most in (*(power for power in _MILDER_POWERS if power < steepest), np.inf):
         some = [np.minimum(value, most) if i in powers else value for i, value in enumerate(values)]
         loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), some)
@@ -381,9 +381,9 @@ def periodic_states(
     return np.moveaxis(roots.unknowns.reshape(count, len(equations), samples), 1, 0)
 
 
-_MILDER_POWERS = (8.0, 64.0, 512.0)
-"""Of a state: Newton's method finds the loop of the first from rest in some ten steps, and the loop of each
-from that of the last in five; from rest it takes a hundred with a power of 50."""
+_MILDER_POWERS = (8.0, 512.0)
+"""Of a state: Newton's method finds the loop of the first from rest in some ten steps, and the next one from
+there in few; with a power of 50 it takes a hundred from rest."""
 
 MIN_NEWTON_STEPS = 3
 """Newton steps after which the growth of a disturbance is that of the loop."""
