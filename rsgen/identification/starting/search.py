@@ -219,8 +219,7 @@ class _Search:
         """Multiply every group by its factor, at least a negligible positive one."""
         values = np.array(trial)
         if self._groups:
-            with np.errstate(all="ignore"):
-                matrix, right = equation_rows(self._equations, self._law, trial, scaled=True)
+            matrix, right = self._rows(trial)
             solution, _ = self._solve_rows(matrix, right)
             effect = self._factors(np.sqrt(np.sum(matrix**2, axis=0)))
             least = _SIMULATOR_MISFIT * np.sqrt(np.sum(right**2)) / np.where(effect > 0, effect, 1.0)
@@ -231,6 +230,13 @@ class _Search:
     def _factors(self, solution: Array) -> Array:
         first = len(self._law.linear)
         return solution[first : first + len(self._groups)]
+
+    def _rows(self, trial: Array) -> tuple[Array, Array]:
+        """Return the rows of all equations at a trial, without those of loops that do not close."""
+        with np.errstate(all="ignore"):
+            matrix, right = equation_rows(self._equations, self._law, trial, scaled=True)
+        known = known_rows(matrix, right)
+        return matrix[known], right[known]
 
     def _solve_rows(self, matrix: Array, right: Array) -> tuple[Array, Array]:
         """Return linear parameters, factors and mass, and the residual; NaN of loops that do not close."""
@@ -309,7 +315,7 @@ class _Search:
 
     def null_dimension(self, trial: Array) -> int:
         """Return the dimension of the null space of the linear parameters at a trial."""
-        matrix, right = equation_rows(self._equations, self._law, trial, scaled=True)
+        matrix, right = self._rows(trial)
         if not (np.isfinite(matrix).all() and np.isfinite(right).all()):
             return 0
         return int(solve_scaled(matrix, right, known=self._known)[2].shape[1])
