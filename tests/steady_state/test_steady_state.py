@@ -105,6 +105,10 @@ def test_cases_agree_with_dop853(name):
 
 
 OTHERS = {
+    "friction that grows with x": (
+        oscillator("k*x + c*v + (Ff + mu*x**2)*sign(v)", k=6e3, c=4.0, Ff=0.5, mu=1e5),
+        Law(lambda x, v, m: 6e3 * x + 4 * v + (0.5 + 1e5 * x * x) * (1 if m[0] else -1), (v_itself,), 0),
+    ),
     "a one-sided stop with friction": (
         oscillator("k*x + c*v + Max(k2*(x - g), 0) + Ff*sign(v)", k=6e3, c=4.0, k2=2e4, g=1e-3, Ff=0.4),
         Law(
@@ -116,6 +120,10 @@ OTHERS = {
     "a switch in x and v together": (
         oscillator("k*x + c*v + a*sign(x + d*v)", k=6e3, c=14.0, a=0.05, d=-0.002),
         Law(lambda x, v, m: 6e3 * x + 14 * v + (0.05 if m[0] else -0.05), (lambda x, v: x - 0.002 * v,)),
+    ),
+    "a product of switches": (
+        oscillator("k*x + c*v + Piecewise((a*x, x*v > 0), (0, True))", k=6e3, c=4.0, a=400.0),
+        Law(lambda x, v, m: 6e3 * x + 4 * v + (400 * x if m[0] == m[1] else 0), (x_itself, v_itself)),
     ),
     "Hertzian contact behind a gap": (
         oscillator("k*x + c*v + a*Max(x - g, 0)**1.5", k=3e3, c=4.0, a=1e5, g=1e-3),
