@@ -115,11 +115,9 @@ def identify_multisine(spectra: MultisineSpectra, model: Model) -> MultisineIden
             other = fit_multisine(without, model)
             names, errors = (*fit.law.parameters, "m"), np.sqrt(np.diag(fit.errors[0].covariance))
             moved = is_significant(other.parameters - fit.parameters, errors)[: len(names)]
+            worse = other.misfit > (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit
             # of a law that does not fit, the mean is none of the sensor's
-            if (
-                other.misfit > (1 + RELATIVE_CHANGE_NEGLIGIBLE) * fit.misfit
-                or other.misfit >= MISFIT_DOUBTFUL_PATTERN_UNSEEN
-            ):
+            if worse or other.misfit >= MISFIT_DOUBTFUL_PATTERN_UNSEEN:
                 break
             if mean_may_be_offset(spectra):
                 zeros, fit = Balance.zeros(other.mode, other.law, other.values, other.mass), other
