@@ -64,7 +64,6 @@ from rsgen.identification.misfit import (
     is_misread,
     mirror_findings,
     misfit_findings,
-    stop_findings,
     symmetric_shift,
     unseen_findings,
     widen_squares,
@@ -110,7 +109,7 @@ from rsgen.identification.soundness import (
     stopped_points,
 )
 from rsgen.identification.starting.start import with_phases
-from rsgen.identification.terms import alternatives_to
+from rsgen.identification.terms import alternatives_to, stop_findings
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
 

@@ -72,7 +72,6 @@ from rsgen.identification.terms import (
     ratio_finding,
     share_left_by,
     simplest_background,
-    stop_elsewhere,
     with_background,
     with_terms,
 )
@@ -524,16 +523,6 @@ def mirror_findings(problem: Problem, known: Collection[str], symmetric: Array) 
     if symmetric.any():
         said = {"background": BACKGROUNDS[-2]}
     return (Finding("mirror-image-fits", "warning", names=said),)
-
-
-def stop_findings(fit: Fit, units: Mapping[str, str]) -> tuple[Finding, ...]:
-    """Find that a stop on the other side, too, or on one side alone fits as well or better."""
-    if (other := stop_elsewhere(fit)) is None:
-        return ()
-    side, name, value, better = other
-    numbers = {"value": Quantity(value, units[name])}
-    names = {"side": side, "fits": "better" if better else "as well"}
-    return (Finding("mirror-image-fits", "doubt" if better else "warning", name, numbers, names),)
 
 
 def symmetric_shift(fit: Fit) -> Array:

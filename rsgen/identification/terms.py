@@ -551,17 +551,12 @@ def gain_of(other: Fit, own: Fit) -> float | None:
     return gain if good else None
 
 
-def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
-    """Return if a stop on "one" side or on "both" fits as well as that of the law, and its stiffness.
+def stop_findings(fit: Fit, units: Mapping[str, str]) -> tuple[Finding, ...]:
+    """Find that a stop on the other side, too, or on one side alone fits as well or better; none or one.
 
     Fundamentals show the odd part of a stop, which is as large for one on one side as for one of half the
-    stiffness on both; only by what its mean does to the shape of the resonance they differ.
-
-    Returns
-    -------
-    side, name, value, better
-        Where the other stop is, the name and the value of its stiffness, and whether it fits better than the
-        law beyond chance; None if no other fits.
+    stiffness on both; only by what its mean does to the shape of the resonance they differ. The value is the
+    stiffness of the other stop, in the ``units`` of the parameters.
     """
     few = fit.select(np.flatnonzero(fit.regression.used))
     problem, law, x = few.problem, few.problem.law, symbol("x")
@@ -571,7 +566,7 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
         or law.acts_across
         or not (law.rough and fit.regression.converged)
     ):
-        return None
+        return ()
     gaps = {symbol(law.parameters[i]) for i in law.nonlinear}
     stops = sympy.Add(*(p for p in sympy.Add.make_args(law.expression.expand()) if p.free_symbols & gaps))
     values, mass, background = problem.split(few.regression.parameters)
@@ -582,7 +577,7 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     stiff = [i for i in law.linear if symbol(law.parameters[i]) in stops.free_symbols and known[i]]
     unseen = not any(reached) or (all(reached) and not law.odd)
     if symbol("v") in stops.free_symbols or unseen or not stiff:
-        return None
+        return ()
     even, sizes = stops.xreplace({x: sympy.Abs(x)}), np.ones(len(values))
     other = (stops + even) / 2 if law.odd else stops - stops.xreplace({x: -x})
     sizes[stiff] = 2.0 if law.odd else 0.5
@@ -591,10 +586,8 @@ def stop_elsewhere(fit: Fit) -> tuple[str, str, float, bool] | None:
     start = trial.join(values * sizes, mass, background)
     found = fit_balance(trial, start, order=max(few.order, START_HARMONICS), exclude=False, correct=False)
     if (gain := gain_of(found, few)) is None:
-        return None
-    return (
-        "one" if law.odd else "both",
-        law.parameters[stiff[0]],
-        float(found.values[stiff[0]]),
-        gain > MIN_SIGNIFICANT_GAIN,
-    )
+        return ()
+    name, better = law.parameters[stiff[0]], gain > MIN_SIGNIFICANT_GAIN
+    numbers = {"value": Quantity(float(found.values[stiff[0]]), units[name])}
+    names = {"side": "one" if law.odd else "both", "fits": "better" if better else "as well"}
+    return (Finding("mirror-image-fits", "doubt" if better else "warning", name, numbers, names),)
