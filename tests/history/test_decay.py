@@ -97,7 +97,7 @@ def test_the_harmonics_of_a_decay_are_those_of_its_steady_motion(k2: float, k3: 
 @pytest.mark.parametrize("k3", [-35650.0, 70000.0])
 @pytest.mark.parametrize("duration", [6, 20])
 def test_the_first_point_of_a_fast_decay_has_its_describing_functions(k3: float, duration: float) -> None:
-    # from 45 mm, in short and in long windows: the frequency before the middle of the first was guessed
+    # from 45 mm, in short and in long windows: amplitude and frequency change much within the first
     mass, k, c, q = 0.31, 215.9, 0.034, 1.05
     force = lambda x, v: k * x + k3 * x**3 + c * v + q * v * abs(v)  # noqa: E731
     x, v = integrated(force, mass, 0.045, duration, 400)
@@ -105,7 +105,7 @@ def test_the_first_point_of_a_fast_decay_has_its_describing_functions(k3: float,
         found = follow_decay(TimeHistory(400, None, measured, quantity), mass=mass)
         X, omega = found.amplitude, 2 * np.pi * found.frequency
         np.testing.assert_allclose(found.damping, c + 8 / (3 * np.pi) * q * omega * X, rtol=0.01)
-        np.testing.assert_allclose(found.stiffness, k + 0.75 * k3 * X**2, rtol=3e-3)
+        np.testing.assert_allclose(found.stiffness, k + 0.75 * k3 * X**2, rtol=1e-3)
 
 
 @pytest.mark.parametrize("zeta", [0.01, 0.02, 0.03])
@@ -398,13 +398,14 @@ def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
     surface = from_free_decay(TimeHistory(2000, None, dragged(8e-3), "acceleration"), mass=0.62)
     taken = only(surface, "decay-taken")
     assert taken["released"] == pytest.approx(8e-3, rel=0.15)
-    # at some 20 Hz; the amplitude falls too fast for the slopes of a window nearer to the release
-    assert (taken["first"] - taken["begin"]) * 20 == pytest.approx(7, abs=0.4)
+    # at some 20 Hz: the reference does not follow the fall within the first window
+    assert (taken["first"] - taken["begin"]) * 20 == pytest.approx(7.7, abs=0.4)
     found = rsgen.identify(surface, law, mass=0.62)
     short = only(found, "decay-begins-larger")
     assert short.severity == "warning"
     assert short["fitted"] < 0.5 * short["released"]
-    assert "falls too fast within the window" in rsgen.sentence(only(found, "points-excluded"))
+    # the first point disagreed with the others, as no cubic follows the fall within its window
+    assert "points-excluded" not in codes(found)
 
 
 def test_a_start_before_the_release_leaves_the_rest_out_and_one_after_it_is_named() -> None:

@@ -14,10 +14,11 @@ those of the steady motion, X_h + F_h/(m omega^2 (h^2 - 1)), with k(X) for the s
 they lose of their energy passes through the fundamental and looks like a gain there, so that c/m is higher by
 sum h Im(F_h X_h*)/(m omega |X|^2): of a cubic spring by the share 27 |X_3/X|^2.
 
-About a reference phase theta the signal Y e^(i theta) has the rate Y'/Y + i theta', within a window by the
-series Y(t + d) = Y + Y' d + Y'' d^2/2 + Y''' d^3/6 of its cubic (Savitzky and Golay 1964, ``envelope``). The
-next reference has it between the begin of the first window and its middle: frequencies of later windows,
-continued to there, leave a phase that no cubic follows where a fast decay changes the frequency.
+About a reference of amplitude and phase, e^(gamma + i theta), the signal Y e^(gamma + i theta) has the rate
+Y'/Y + gamma' + i theta', within a window by the series Y(t + d) = Y + Y' d + Y'' d^2/2 + Y''' d^3/6 of its
+cubic (Savitzky and Golay 1964, ``envelope``). The next reference is a spline of the rates, with those half
+way to the outer ends of the first and the last window: no cubic follows the fall of a fast decay, nor the
+phase of one whose frequency changes with it.
 """
 
 from __future__ import annotations
@@ -57,6 +58,7 @@ from rsgen.data.history.release import (
     SPECTRUM_PERIODS,
     Stretch,
     find_decays,
+    first_amplitude,
     force_ends,
     refuse_growth,
     too_short,
@@ -373,12 +375,13 @@ def _follow_one(history: TimeHistory, stretch: Stretch, rule: _Rule) -> FreeDeca
         raise MeasurementError(f"{history.label}: {len(samples)} samples of a free decay are too few")
     line = _strongest(samples, history, rule.band)
     time, envelope, curve, stopped = _tracked(samples, history, line, stretch.floor, rule)
-    omega, change = 2 * pi * np.asarray(curve(time)), 2 * pi * np.asarray(curve.derivative()(time))
-    order = np.arange(1, envelope.shape[1])
-    place = order * omega[:, None], order * change[:, None]
-    motion = differentiate(envelope[:, 1], omega, change, history.quantity)
+    rate, change = curve(time)[:, None], curve.derivative()(time)[:, None]
+    order, omega = np.arange(1, envelope.shape[1]), rate[:, 0].imag
+    rates, changes = (part.real + 1j * order * part.imag for part in (rate, change))
+    motions = differentiate(envelope[:, 1:], rates, changes, history.quantity, time)
+    motion = Kinematics(motions.displacement[:, 0], motions.velocity[:, 0], motions.acceleration[:, 0])
     table = displacement_harmonics(envelope[:, :, 0], omega, history.quantity, harmonics)
-    table[:, order], loss = _as_steady(differentiate(envelope[:, 1:], *place, history.quantity), order)
+    table[:, order], loss = _as_steady(motions, order)
     scale = mass if mass is not None else 1.0
     needed, damping = steady_force(np.zeros(len(time), dtype=complex), motion, scale, motion.omega)
     damping = damping + scale * loss
@@ -397,6 +400,10 @@ def _follow_one(history: TimeHistory, stretch: Stretch, rule: _Rule) -> FreeDeca
         mass=mass,
         label=history.label,
     )
+    # a reference that the first window does not follow leaves it a bend that noise seldom has
+    bend = np.abs(envelope[:, 1, 2])
+    if len(time) > _NEIGHBOURS and bend[0] > 3 * np.median(bend):
+        found = take_rows(found, np.arange(len(time)) > 0)
     numbers = quantities(excluded=stopped, points=len(time) + stopped)
     left_out = Finding("points-excluded", "info", numbers=numbers, names={"by": "rest"})
     return replace(found, findings=_limits(found, stretch, history) + ((left_out,) if stopped else ()))
@@ -425,7 +432,7 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
     begin = Quantity(history.start + stretch.begin / history.rate, "s")
     unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVE[history.quantity]
     numbers = quantities("s", begin=begin, first=time[0], last=time[-1])
-    released = _released(history, stretch.begin, float(decay.frequency[0]))
+    released = first_amplitude(history, stretch.begin, float(decay.frequency[0]))
     numbers |= quantities("m", large=size[0], small=size[-1], floor=stretch.floor / unit, released=released)
     after = "drive" if stretch.driven and not stretch.given else "start" if stretch.given else "blow"
     after = "hold" if stretch.held else after
@@ -435,30 +442,10 @@ def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[F
     return tuple(findings)
 
 
-_RATIOS_OF_RELEASE = (0.6, 1.6)
-"""Frequency of the first period of a decay over that of its first window: a hardening spring was faster."""
-
-
-def _released(history: TimeHistory, begin: int, frequency: float) -> float:
-    """Return the amplitude [m] of the first period of a decay: of the sine that is nearest to it."""
-    samples = np.asarray(
-        history.response[begin : begin + int(history.rate / frequency) + 1], dtype=np.float64
-    )
-    turn = 2 * pi * frequency * np.arange(len(samples)) / history.rate
-
-    def fitted(ratio: float) -> tuple[float, float]:
-        columns = np.stack([np.ones_like(turn), np.cos(ratio * turn), np.sin(ratio * turn)], axis=1)
-        parts = np.linalg.lstsq(columns, samples, rcond=None)[0]
-        return float(np.sum((samples - columns @ parts) ** 2)), float(np.hypot(*parts[1:]))
-
-    ratio = scipy.optimize.minimize_scalar(lambda r: fitted(r)[0], bounds=_RATIOS_OF_RELEASE).x
-    return fitted(ratio)[1] / float(2 * pi * frequency * ratio) ** DERIVATIVE[history.quantity]
-
-
 def _tracked(
     samples: Array, history: TimeHistory, first: float, floor: float, rule: _Rule
-) -> tuple[Array, ComplexArray, scipy.interpolate.PchipInterpolator, int]:
-    """Return instants (n,) [s], envelopes there, frequency [Hz] of the line that begins at ``first`` [Hz].
+) -> tuple[Array, ComplexArray, scipy.interpolate.BSpline, int]:
+    """Return instants (n,) [s], envelopes there, rate [1/s] of the line that begins at ``first`` [Hz].
 
     Last is the number of points left out because the motion stops within their window.
     """
@@ -473,32 +460,32 @@ def _tracked(
     # of the longest window, with its rounding
     half = rule.window / 2 * 2 ** (1 / LENGTHS_PER_OCTAVE) / frequency[0]
     end = len(samples) / history.rate
-    if rule.short:
-        # nearer to both ends than spectra are
-        time, frequency = np.pad(time, 1, constant_values=(0, end)), np.pad(frequency, 1, mode="edge")
-    if (rule.short and coarse) or len(time) < 2 or end < 2 * half:
+    # windows are nearer to both ends than spectra
+    spectra = np.pad(time, 1, constant_values=(0, end)), np.pad(frequency, 1, mode="edge")
+    if (rule.short and coarse) or end < 2 * half:
         raise refusal()
-    stopped, knots = 0, time
+    time = independent_instants(lambda t: rule.window / np.interp(t, *spectra), half, end - half)
+    stopped, knots, rates = 0, spectra[0], 2j * pi * spectra[1]
     for number in range(REFERENCE_PASSES):
-        curve = scipy.interpolate.PchipInterpolator(knots, frequency, extrapolate=True)
-        if not rule.short:
-            time = _instants(curve, time[0], time[-1], rule)
-        elif number == 0:
-            time = _instants(curve, half, end - half, rule)
+        # what spectra show may jump
+        curve = scipy.interpolate.make_interp_spline(knots, rates, k=5 if number else 1)
         time, envelope = _demodulated(samples, history, curve, time, rule)
-        clear = loud = _clear(envelope[:, 1, 0], floor)
-        if number == REFERENCE_PASSES - 1 or rule.short:
-            reach = _REACH_OF_WINDOW * WINDOW_PERIODS / np.asarray(curve(time))
-            clear = loud & _moving(envelope[:, 1], reach)
-            stopped += int(np.count_nonzero(loud & ~clear))
+        loud = _clear(envelope[:, 1, 0], floor)
+        growth, change = curve(time).real, curve.derivative()(time).real
+        reach = _REACH_OF_WINDOW * WINDOW_PERIODS * 2 * pi / curve(time).imag
+        clear = loud & _moving(envelope[:, 1], growth, change, reach)
+        stopped += int(np.count_nonzero(loud & ~clear))
         if np.count_nonzero(clear) < _NEIGHBOURS:
             raise refusal()
         time, envelope = time[clear], envelope[clear]
-        # between the begin of the first window and its middle
-        early = -rule.window / 4 / float(curve(time[0]))
-        knots = np.append(time[0] + early, time)
-        growth = np.append(_growth(envelope[0, 1], early), envelope[:, 1, 1] / envelope[:, 1, 0])
-        frequency = np.asarray(curve(knots) + growth.imag / (2 * pi))
+        # half way to the outer ends of the first and the last window
+        outer = rule.window / 4 * 2 * pi / curve(time[[0, -1]]).imag * [-1, 1]
+        early, late = map(_growth, envelope[[0, -1], 1], outer)
+        knots = np.concatenate([time[:1] + outer[0], time, time[-1:] + outer[1]])
+        rates = curve(knots) + np.array([early, *(envelope[:, 1, 1] / envelope[:, 1, 0]), late])
+        if stopped:
+            # towards rest the amplitude is a straight line: cubics follow it, its logarithm does not
+            rates = 1j * rates.imag
     return time, envelope, curve, stopped
 
 
@@ -508,32 +495,32 @@ def _growth(envelope: ComplexArray, after: float) -> complex:
     return complex(envelope[1:] @ powers[:3] / (envelope @ powers))
 
 
-def _instants(curve: scipy.interpolate.PchipInterpolator, first: float, last: float, rule: _Rule) -> Array:
-    """Return instants of independent windows from ``first`` to ``last`` [s]."""
-    return independent_instants(lambda t: rule.window / np.asarray(curve(t)), first, last)
-
-
 def _demodulated(
     samples: Array,
     history: TimeHistory,
-    curve: scipy.interpolate.PchipInterpolator,
+    curve: scipy.interpolate.BSpline,
     time: Array,
     rule: _Rule,
 ) -> tuple[Array, ComplexArray]:
-    """Return instants (n,) [s] and envelopes (n, orders, 4) [SI] against a curve of the frequency [Hz]."""
-    rate, turns = history.rate, curve.antiderivative()
-    period = rate / curve(time)
-    orders = highest_order(rule.harmonics, rate, float(np.max(curve(time))))
+    """Return instants (n,) [s] and envelopes (n, orders, 4) [SI] against a curve of the rate [1/s]."""
+    rate, integral = history.rate, curve.antiderivative()
+    period = rate * 2 * pi / curve(time).imag
+    orders = highest_order(rule.harmonics, rate, rate / float(np.min(period)))
     windows = place_windows(time * rate, rule.window * period, period, orders, len(samples))
+    time = windows.middle / rate
 
-    def phase(t: Array) -> Array:
-        return np.asarray(2 * pi * turns(t))
+    def reference(t: Array) -> ComplexArray:
+        return np.asarray(integral(t), dtype=complex)
 
     if rule.short:
-        envelope = fit_together(samples, rate, phase, windows, max(orders, HARMONICS))[:, : orders + 1]
+        envelope = fit_together(samples, rate, reference, windows, max(orders, HARMONICS))[:, : orders + 1]
     else:
-        envelope = demodulate(samples, rate, phase, windows, tuple(range(orders + 1)))
-    return windows.middle / rate, envelope
+        # a curve is known within its windows
+        last = np.max(windows.first + windows.step * windows.count, initial=0)
+        within = np.clip(np.arange(len(samples)), np.min(windows.first, initial=last), last)
+        scaled, every = samples / np.exp(reference(within / rate).real), tuple(range(orders + 1))
+        envelope = demodulate(scaled, rate, lambda t: reference(t).imag, windows, every)
+    return time, envelope * np.exp(integral(time).real)[:, None, None]
 
 
 def _strongest(samples: Array, history: TimeHistory, band: _Band) -> float:
@@ -578,15 +565,17 @@ def _clear(envelope: ComplexArray, floor: float) -> NDArray[np.bool_]:
     )
 
 
-def _moving(envelope: ComplexArray, reach: Array) -> NDArray[np.bool_]:
+def _moving(envelope: ComplexArray, growth: Array, change: Array, reach: Array) -> NDArray[np.bool_]:
     """Return (n,) True up to the first point whose amplitude comes to zero within its ``reach`` [s].
 
-    By value, slope and bend of the envelope (n, 4): an exponential decay never does, dry friction stops.
+    By value, slope and bend of the envelope (n, 4), against a reference that has a ``growth`` [1/s] with its
+    ``change`` [1/s^2] (n,): an exponential decay never does, dry friction stops.
     """
     with np.errstate(all="ignore"):
         # NaN where nothing moves
-        growth, bend = (envelope[:, 1:3] / envelope[:, :1]).T
-        left = 1 + growth.real * reach + (bend.real + growth.imag**2) * reach**2 / 2
+        slope, bend = (envelope[:, 1:3] / envelope[:, :1]).T
+        bend = bend.real + slope.imag**2 + 2 * growth * slope.real + growth**2 + change
+        left = 1 + (slope.real + growth) * reach + bend * reach**2 / 2
     return np.asarray(np.logical_and.accumulate(left > 0))
 
 

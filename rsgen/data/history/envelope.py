@@ -27,7 +27,7 @@ from rsgen.data.record_set import DERIVATIVE
 #
 # With y(t) = Re Y(t) exp(i h phi(t)), s = Y'/Y + i h phi' is the complex rate of the harmonic: growth and
 # frequency. Differentiation is exact, y' = s y and y'' = (s^2 + s') y; integration is its asymptotic inverse,
-# z = y/s (1 + s'/s^2 + ...), whose next term is of second order in the change of the rate.
+# z = y/r with the rate r = s (1 - s'/s^2 - (ln r/s)'/s), repeated for the last term.
 
 HARMONICS = 5
 """Default number of harmonics of the displacement; higher ones of smooth laws are below the noise."""
@@ -40,25 +40,39 @@ def highest_order(wanted: int, rate: float, frequency: float) -> int:
     return max(1, min(wanted, int(_MAX_RELATIVE_FREQUENCY * rate / frequency)))
 
 
-def differentiate(envelope: ComplexArray, omega: Array, slope: Array, quantity: str) -> Kinematics:
+_Rates = NDArray[np.complexfloating[Any, Any]]
+
+
+def differentiate(
+    envelope: ComplexArray, rate: _Rates, slope: _Rates, quantity: str, time: Array | None = None
+) -> Kinematics:
     """Return the kinematics of harmonics from the envelopes of the measured quantity.
 
-    ``envelope`` (..., 3 or more) is the measured quantity and its time derivatives [SI], ``omega``
-    (...,) the rate h phi' of the reference [rad/s], ``slope`` (...,) its change [rad/s^2].
+    ``envelope`` (..., 3 or more) is the measured quantity and its time derivatives [SI], ``rate`` (...,) that
+    of the reference [1/s], i h phi' of a phase, and ``slope`` (...,) its change [1/s^2]. With instants [s]
+    along the first axis integration is of second order in the change.
     """
     y = envelope[..., 0]
     # NaN where nothing moves
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         growth = envelope[..., 1] / y
-        s = growth + 1j * omega
-        change = envelope[..., 2] / y - growth**2 + 1j * slope
+        s = growth + rate
+        change = envelope[..., 2] / y - growth**2 + slope
         if quantity == "displacement":
             return Kinematics(y, s * y, (s**2 + change) * y)
         if quantity == "velocity":
-            velocity, acceleration, slower = y, s * y, s
-        else:
-            velocity, acceleration, slower = y / s * (1 + change / s**2), y, s - change / s
-        return Kinematics(velocity / slower * (1 + change / slower**2), velocity, acceleration)
+            return Kinematics(y / _integrated(s, change, time), y, s * y)
+        r = _integrated(s, change, time)
+        return Kinematics(y / r / _integrated(r, r * (s - r), time), y / r, y)
+
+
+def _integrated(s: ComplexArray, change: ComplexArray, time: Array | None) -> ComplexArray:
+    """Return the rates of the integral of harmonics with complex rates s and their ``change``."""
+    share = 1 - change / s**2
+    if time is not None:
+        for _ in range(2):
+            share = 1 - change / s**2 - np.gradient(np.log(share), time, axis=0) / s
+    return np.asarray(s * share)
 
 
 def displacement_harmonics(
@@ -219,18 +233,20 @@ def demodulate(
 
 
 def fit_together(
-    signal: NDArray[Any], rate: float, phase: Callable[[Array], Array], windows: Windows, orders: int
+    signal: NDArray[Any], rate: float, reference: Callable[[Array], _Rates], windows: Windows, orders: int
 ) -> ComplexArray:
     """Fit mean and harmonics up to ``orders`` at once, in windows too short for the taper to part them.
 
     The cubics of all are unknowns of one weighted least squares, so that none leaks into another.
+    ``reference`` is the phase, times i, and the logarithm of the amplitude to which they are relative.
     Returns what ``demodulate`` does.
     """
     out = np.zeros((len(windows), orders + 1, 4), dtype=np.complex128)
     order = np.arange(orders + 1)
     for row, (first, size) in enumerate(zip(windows.first, windows.step * windows.count, strict=True)):
         place = np.arange(size) - (size - 1) / 2
-        turn = np.exp(1j * order * phase((first + np.arange(size)) / rate)[:, None])
+        path = reference((first + np.arange(size)) / rate)[:, None]
+        turn = np.exp(path.real + 1j * order * path.imag)
         columns = (turn[:, :, None] * (place / size)[:, None, None] ** np.arange(4)).reshape(size, -1)
         # a mean has no imaginary part
         design = np.concatenate([columns.real, -columns.imag[:, 4:]], axis=1)

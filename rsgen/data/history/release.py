@@ -52,6 +52,8 @@ _MAX_CREST_OF_SINE = 2.5
 """Peak over standard deviation, which noise exceeds; that of a sine is 1.4."""
 _MIN_FALL = log(1.1)
 """Of the logarithm of the amplitude in a decay."""
+_RATIOS_OF_RELEASE = (0.6, 1.6)
+"""Frequency of the first period of a decay over that of its first window: a hardening spring was faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,6 +313,22 @@ def _after_clipping(history: TimeHistory, begin: int, end: int) -> int:
             flat = np.flatnonzero(values == sign * np.max(sign * values))
             last = max(last, int(flat[-1]) + 1)
     return begin + last
+
+
+def first_amplitude(history: TimeHistory, begin: int, frequency: float) -> float:
+    """Return the amplitude [m] of the first period of a decay: of the sine that is nearest to it."""
+    samples = np.asarray(
+        history.response[begin : begin + int(history.rate / frequency) + 1], dtype=np.float64
+    )
+    turn = 2 * pi * frequency * np.arange(len(samples)) / history.rate
+
+    def fitted(ratio: float) -> tuple[float, float]:
+        columns = np.stack([np.ones_like(turn), np.cos(ratio * turn), np.sin(ratio * turn)], axis=1)
+        parts = np.linalg.lstsq(columns, samples, rcond=None)[0]
+        return float(np.sum((samples - columns @ parts) ** 2)), float(np.hypot(*parts[1:]))
+
+    ratio = scipy.optimize.minimize_scalar(lambda r: fitted(r)[0], bounds=_RATIOS_OF_RELEASE).x
+    return fitted(ratio)[1] / float(2 * pi * frequency * ratio) ** DERIVATIVE[history.quantity]
 
 
 def force_ends(history: TimeHistory, end: int) -> int | None:

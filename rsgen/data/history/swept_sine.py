@@ -188,7 +188,7 @@ def _demodulated(history: TimeHistory, sweep: Sweep, rule: _Rule) -> SweptPoints
     def kinematics(windows: Windows, envelope: ComplexArray) -> Kinematics:
         t = windows.middle / rate
         omega, slope = 2 * pi * law.frequency_at(t), 2 * pi * law.slope_at(t)
-        return differentiate(envelope, omega, slope, history.quantity)
+        return differentiate(envelope, 1j * omega, 1j * slope, history.quantity)
 
     orders = (0, 1, 2, 3) if reach >= 3 else (0, 1)
     driven = demodulate(history.reference, rate, law.phase_at, narrow, orders)[:, :, 0]
