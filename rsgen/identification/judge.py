@@ -412,7 +412,8 @@ class Findings:
         if not 0 < largest < _MIN_SHARE_OF_RELEASE * released:
             return []
         numbers = quantities("m", released=released, fitted=largest) | quantities(share=largest / released)
-        return [Finding("decay-begins-larger", "warning", numbers=numbers)]
+        names = {"windows": "long"} if any("windows" in f.names for f in taken) else {}
+        return [Finding("decay-begins-larger", "warning", numbers=numbers, names=names)]
 
     def _implausible(self, calibrated: bool, not_identifiable: set[str]) -> Iterator[Finding]:
         mass = nan if "m" in not_identifiable else self.fit.mass

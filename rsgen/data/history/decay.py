@@ -406,7 +406,7 @@ def _follow_one(history: TimeHistory, stretch: Stretch, rule: _Rule) -> FreeDeca
         found = take_rows(found, np.arange(len(time)) > 0)
     numbers = quantities(excluded=stopped, points=len(time) + stopped)
     left_out = Finding("points-excluded", "info", numbers=numbers, names={"by": "rest"})
-    return replace(found, findings=_limits(found, stretch, history) + ((left_out,) if stopped else ()))
+    return replace(found, findings=_limits(found, stretch, history, rule) + ((left_out,) if stopped else ()))
 
 
 def _as_steady(motions: Kinematics, order: NDArray[np.intp]) -> tuple[ComplexArray, Array]:
@@ -425,9 +425,9 @@ def _as_steady(motions: Kinematics, order: NDArray[np.intp]) -> tuple[ComplexArr
     return steady, work / motions.omega[:, 0]
 
 
-def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory) -> tuple[Finding, ...]:
+def _limits(decay: FreeDecay, stretch: Stretch, history: TimeHistory, rule: _Rule) -> tuple[Finding, ...]:
     """Return findings about begin and end of a decay in its record."""
-    names = {"record": history.label}
+    names = {"record": history.label} | ({} if rule.short else {"windows": "long"})
     size, time = decay.amplitude, decay.time + history.start
     begin = Quantity(history.start + stretch.begin / history.rate, "s")
     unit = (2 * pi * float(decay.frequency[-1])) ** DERIVATIVE[history.quantity]
