@@ -293,8 +293,8 @@ def headline(verdict: Verdict) -> str:
             * ("mass" in summary.names)
             + "; levels are no amounts that were set, so nothing checks the unit of base and response"
             * ("levels" in summary.names)
-            + "; no force was measured, so nothing but a title of the column checks unit and quantity of the "
-            "response" * ("force" in summary.names)
+            + "; no force was measured: the declared unit and quantity of the response, which nothing but a "
+            f"title of the column checks, decide {summary.names.get('force')}" * ("force" in summary.names)
         )
     return f"{verdict.state.capitalize()}: {sentence(summary)}"  # of judged values, or of a ranking
 

@@ -304,7 +304,8 @@ def outcome_of(
     error = {e.name: 100 * e.standard_error / abs(e.value) for e in estimates if e.identifiable and e.value}
     moving = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
     most = max(moving, key=lambda name: abs(moving[name]), default="")
-    names = {"levels": {"levels": "labels"}, "force": {"force": "of the motion"}}.get(missing_check, {})
+    sized = ", ".join(e.name for e in estimates if e.unit not in _FREE_OF_SIZE)
+    names = {"levels": {"levels": "labels"}, "force": {"force": sized}}.get(missing_check, {})
     if most and round(abs(moving[most])) > 1:
         numbers, names = numbers | quantities(moves=moving[most]), names | {"moves": most}
     elif missing_check == "mass":
