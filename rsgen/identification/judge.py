@@ -106,7 +106,6 @@ from rsgen.identification.soundness import (
     repeats_finding,
     shown_by_few,
     sign_findings,
-    stopped_points,
 )
 from rsgen.identification.starting.start import with_phases
 from rsgen.identification.terms import alternatives_to, stop_findings
@@ -182,6 +181,8 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
     with_background, of_repeats = refined.regression, list[Finding]()
     if test.repeats is not None:
         with_background = test.repeats.widen(with_background, test.points.index)
+        of_repeats.append(repeats_finding(test.repeats, noise))
+        noise = test.repeats.noise
     regression = with_background.first(count)
     agreement = Agreement.of(
         refined.regression,
@@ -190,9 +191,6 @@ def errors_of(test: Prepared, refined: Fit, surface: ResponseSurface, points: Po
         misfits=refined.systematic,
         unit=surface.level_unit,
     )
-    if test.repeats is not None:
-        of_repeats.append(repeats_finding(test.repeats, noise))
-        noise = test.repeats.noise
     regression = _widen_by_common_errors(regression, test, noise)
     # nothing drives a decay: there is no background; one whose phases were not recorded could be any
     backgrounds = not (surface.decays or surface.lag_assumed)
@@ -395,13 +393,15 @@ class Findings:
         fold = self.fit.beyond_fold
         if fold.any():
             found.append(left_out("fold", self.points, fold, self.surface.level_unit))
+        # without a prediction where friction nearly holds the mass: noise of the force decides
+        stopped = nearly_held(self.points, self.fit.problem.law, self.fit.values)
         return found + exclusion_findings(
             self.points,
             ~(self.fit.regression.used | fold),
             len(self.surface),
             self.surface.level_unit,
             decays=self.surface.decays,
-            stopped=stopped_points(self.points, self.fit),
+            stopped=stopped & np.isnan(self.fit.regression.misfit),
         )
 
     def _release(self) -> list[Finding]:

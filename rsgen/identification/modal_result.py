@@ -109,10 +109,6 @@ class SplineBasis:
             1 + _AMPLITUDE_MARGIN
         )
 
-    def of_points(self) -> SplineBasis:
-        """Return the functions constant below the points: none holds them in the margin for noise."""
-        return replace(self, least=self.lowest)
-
     def __call__(self, amplitude: Array) -> Array:
         """Return the functions (n, f) at amplitudes [m]."""
         return np.asarray(b_splines(self.knots, self.degree)(self._places(amplitude)[1]))

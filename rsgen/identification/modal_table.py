@@ -163,10 +163,6 @@ class ModeProblem:
         mass = float(parameters[self.coefficients])
         return parameters[: self.coefficients], mass, parameters[self.count :]
 
-    def forward(self, omega: Array) -> SplineMode:
-        """Return the forward model at the frequencies (n,) [rad/s]."""
-        return SplineMode(omega, self.basis, self.orders)
-
     def solve(self) -> tuple[Array, float]:
         """Solve the linear balance without the background; return parameters, and corrected AIC or BIC."""
         mode = self.seen.mode
@@ -302,7 +298,7 @@ def fit_splines(modal: ModeProblem) -> Regression:
 def _fit_values(modal: ModeProblem) -> Regression:
     """Fit by maximum likelihood, without what the agreement of parts adds to the errors."""
     observed, mode = modal.observed, modal.seen.mode
-    descent = ErrorsInVariables(modal, modal.forward(mode.omega))
+    descent = ErrorsInVariables(modal, SplineMode(mode.omega, modal.basis, modal.orders))
     nuisance = observed.nuisances(mode.amplitude, np.angle(mode.harmonics[:, 1]))
     start = np.concatenate([modal.solve()[0], modal.seen.background])
     rules = Rules(free=modal.free, record=mode.record, noise=0.0)
@@ -531,7 +527,9 @@ def _splines(modal: ModeProblem, parameters: Array, covariance: Array | None = N
     """Return the splines of some parameters, without errors of their own where none are given."""
     values, mass, _ = modal.split(parameters)
     errors = np.zeros((modal.count,) * 2) if covariance is None else covariance
-    return ModalSplines(modal.basis.of_points(), modal.orders, values, mass, errors, 2 * len(modal.seen.mode))
+    # constant below the points: none holds them in the margin for noise
+    basis = replace(modal.basis, least=modal.basis.lowest)
+    return ModalSplines(basis, modal.orders, values, mass, errors, 2 * len(modal.seen.mode))
 
 
 def _moved_by_harmonics(modal: ModeProblem, found: Regression) -> Array:

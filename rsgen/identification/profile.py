@@ -23,7 +23,7 @@ squares has a corner or a plateau, and the interval is lopsided or open to one s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import TYPE_CHECKING
@@ -381,25 +381,25 @@ def _wald(regression: Regression, estimate: Estimate) -> float:
     return estimate.standard_error * float(interval_sigmas(regression.freedom))
 
 
-def _is_quadratic(found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
+def _is_quadratic(likelihood: _Likelihood, estimate: Estimate, target: float) -> bool:
     """Return True if Wald's interval agrees with that of the likelihood."""
     place = likelihood.names.index(estimate.name)
     if not all(likelihood.distinguishes(place, target, factor) for factor in (_STEEPER, 1 / _STEEPER)):
         return False
-    half = _wald(found, estimate)
+    half = _wald(likelihood.regression, estimate)
     roots = [likelihood(place, likelihood.best[place] + sign * half) for sign in (-1, 1)]
     return all(abs(root / target - 1) < _WALD_TOLERANCE for root in roots)
 
 
 def _interval(
-    found: Regression, likelihood: _Likelihood, estimate: Estimate, target: float
+    likelihood: _Likelihood, estimate: Estimate, target: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Return the values whose root is within a target, and those that the balance can follow.
 
     Those of a nonlinear parameter keep its sign.
     """
     law, place = likelihood.law, likelihood.names.index(estimate.name)
-    best, step = float(likelihood.best[place]), _wald(found, estimate)
+    best, step = float(likelihood.best[place]), _wald(likelihood.regression, estimate)
     stops = [-inf, inf]
     if place in law.nonlinear:
         stops[0 if best > 0 else 1] = 0.0
@@ -407,7 +407,7 @@ def _interval(
         likelihood.end(place, sign * step, target, stop) for sign, stop in zip((-1, 1), stops, strict=True)
     ]
     # the simulator and the correction of bias move the value, and the interval with it
-    moved = float(found.parameters[place]) - best
+    moved = float(likelihood.regression.parameters[place]) - best
     (low, least), (high, most) = (np.array(ends) + moved).tolist()
     return (low, high), (least, most)
 
@@ -426,22 +426,18 @@ def with_profiles(found: Fit, estimates: Sequence[Estimate]) -> tuple[Estimate, 
     # a balance is no data on how wide a bend is that it does not resolve, where nothing else tells
     names = (*law.parameters, "m")
     hidden = {name for name, gone in zip(names, found.hidden_by_noise, strict=False) if gone and law.rough}
-    return _replaced(lambda: _Likelihood(found), law, regression, estimates, hidden)
+    return _replaced(_Likelihood(found), estimates, hidden)
 
 
 def with_line_profiles(found: LineFit, estimates: Sequence[Estimate]) -> tuple[Estimate, ...]:
     """Replace Wald's intervals of a multisine as ``with_profiles`` does those of sines."""
     if not (found.law.nonlinear and found.converged) or found.systematic:
         return tuple(estimates)
-    return _replaced(lambda: _LineLikelihood(found), found.law, found.regression, estimates)
+    return _replaced(_LineLikelihood(found), estimates)
 
 
 def _replaced(
-    begin: Callable[[], _Likelihood],
-    law: ForceLaw,
-    regression: Regression,
-    estimates: Sequence[Estimate],
-    hidden: Collection[str] = (),
+    likelihood: _Likelihood, estimates: Sequence[Estimate], hidden: Collection[str] = ()
 ) -> tuple[Estimate, ...]:
     """Ask the likelihood at the ends of the intervals of nonlinear parameters and of what goes with them.
 
@@ -449,17 +445,17 @@ def _replaced(
     """
     known = [e for e in estimates if isfinite(e.value) and 0 < e.standard_error < inf]
     known = [e for e in known if e.name not in hidden]
-    with_nonlinear = _with_nonlinear(regression.covariance, law.nonlinear)
-    place = {name: i for i, name in enumerate((*law.parameters, "m"))}
+    regression = likelihood.regression
+    with_nonlinear = _with_nonlinear(regression.covariance, likelihood.law.nonlinear)
+    place = {name: i for i, name in enumerate(likelihood.names)}
     asked = [e for e in known if place[e.name] in with_nonlinear]
     asked.sort(key=lambda estimate: with_nonlinear.index(place[estimate.name]))
-    likelihood = begin()
     if not likelihood.resolved:
         return tuple(estimates)
     target = {e.name: _target(regression, place[e.name], e) for e in asked}
-    bent = [e for e in asked if not _is_quadratic(regression, likelihood, e, target[e.name])]
+    bent = [e for e in asked if not _is_quadratic(likelihood, e, target[e.name])]
     # nonlinear parameters first: fits of their profiles are starts and likely values of the others
-    replaced = {e.name: _stated(e, *_interval(regression, likelihood, e, target[e.name])) for e in bent}
+    replaced = {e.name: _stated(e, *_interval(likelihood, e, target[e.name])) for e in bent}
     return tuple(replaced.get(e.name, e) for e in estimates)
 
 
@@ -528,7 +524,7 @@ def profile(found: Identification, name: str) -> Profile:
         raise RsgenError("profile: the data are exact, and what is left of them is no noise")
     regression, place = likelihood.regression, likelihood.names.index(name)
     estimate, target = known[name], _target(regression, place, known[name])
-    interval, followed = _interval(regression, likelihood, estimate, target)
+    interval, followed = _interval(likelihood, estimate, target)
     # the search for an end may come back to a value
     tried = sorted({f"{value:.6g}": (value, root) for value, root in likelihood.tried(place)}.values())
     moved = float(regression.parameters[place]) - float(likelihood.best[place])

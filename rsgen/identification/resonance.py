@@ -78,19 +78,13 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
             continue
         near, other, share = place
         i, j = run[near], run[other]
-
-        def blend(values: Array, i: int = i, j: int = j, share: float = share) -> float:
-            return float(values[i] + share * (values[j] - values[i]))
-
+        columns = points.omega, stiffness.imag / points.omega, amplitude
+        omega, damping, size = (float(of[i] + share * (of[j] - of[i])) for of in columns)
         if near == other:
-            square = float(points.omega[i] ** 2 + stiffness[i].real / mass)
+            square = float(omega**2 + stiffness[i].real / mass)
             if square <= 0:
                 continue
             omega = float(np.sqrt(square))
-            damping = float(stiffness[i].imag / points.omega[i])
-        else:
-            omega = blend(points.omega)
-            damping = blend(stiffness.imag / points.omega)
         jump = near == other and len(run) > 1
         jump = jump and not _passes_smoothly(stiffness[run].real, points.omega[run], near, mass)
         # the side from which a sweep came to the jump is the one without the resonance
@@ -103,7 +97,7 @@ def find_resonances(points: Points, mass: float) -> tuple[tuple[Resonance, ...],
                 sweep=str(points.sweep[i]),
                 frequency=omega / (2 * np.pi),
                 damping_ratio=damping / (2 * mass * omega),
-                amplitude=blend(amplitude),
+                amplitude=size,
                 stiffness=mass * omega**2,
                 damping=damping,
                 jump=jump,

@@ -127,7 +127,7 @@ def exclusion_findings(
     level_unit
         Unit of the levels: "N", or "m" with response control.
     stopped
-        (n,) points that are no evidence against the law; see ``stopped_points``.
+        (n,) points that are no evidence against the law, where friction nearly holds the mass.
     decays
         True for a free decay, whose small motions may be excluded for noise: only the large half counts.
     """
@@ -179,11 +179,6 @@ def points_at(level: Array, frequency: Array, unit: str) -> str:
         many = f"{len(at)} frequencies from {at[0]} to {at[-1]}"
         texts.append(f"{one:.4g} {unit} at {' and '.join(at) if len(at) < 3 else many} Hz")
     return "; ".join(texts[:_MAX_SINGLE_EXCLUDED] + ["other levels"] * (len(texts) > _MAX_SINGLE_EXCLUDED))
-
-
-def stopped_points(points: Points, fit: Fit) -> NDArray[np.bool_]:
-    """(n,) points without a prediction where friction nearly holds the mass: noise of the force decides."""
-    return np.isnan(fit.regression.misfit) & nearly_held(points, fit.problem.law, fit.values)
 
 
 def nearly_held(
@@ -492,6 +487,8 @@ across was 14 %, and 17 % of its intervals missed."""
 def joint_findings(found: Fit, errors: Array) -> list[Finding]:
     """Find parameters of elements between two sensors that the measurement does not determine.
 
+    Unrecorded harmonics would change them, or their information is mostly noise of the two sensors.
+
     Parameters
     ----------
     found
@@ -502,7 +499,10 @@ def joint_findings(found: Fit, errors: Array) -> list[Finding]:
     findings: list[Finding] = []
     for joint in found.problem.law.parts[1:]:
         findings += _missing_harmonics_findings(found, joint, errors)
-        findings += _sensor_noise_findings(found, joint)
+        if found.regression.noise_share > _MAX_NOISE_SHARE:
+            noise = sensor_noise(found.problem.observed.points, joint.sensors)
+            numbers = quantities(noise=noise, part=found.regression.noise_share)
+            findings.append(Finding("noise-across", "doubt", "", numbers, {"sensors": joint.sensors}))
     return findings
 
 
@@ -540,15 +540,6 @@ def _missing_harmonics_findings(found: Fit, joint: Part, errors: Array) -> list[
     )
     names = {"sensors": joint.sensors}
     return [Finding("harmonics-across-left-out", severity, law.parameters[worst], numbers, names)]
-
-
-def _sensor_noise_findings(found: Fit, joint: Part) -> list[Finding]:
-    """Find combinations of values whose information is mostly noise of the two sensors."""
-    share = found.regression.noise_share
-    if not share > _MAX_NOISE_SHARE:
-        return []
-    numbers = quantities(noise=sensor_noise(found.problem.observed.points, joint.sensors), part=share)
-    return [Finding("noise-across", "doubt", "", numbers, {"sensors": joint.sensors})]
 
 
 def _change_of_values(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from itertools import count
 from math import isnan, nan
 from typing import Any, NamedTuple
@@ -49,7 +49,7 @@ from rsgen.identification.fitting.observed import Observed, Problem, effective_p
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results.alternatives import Agreement, Alternative, alternatives, stands_out
 from rsgen.identification.starting.start import records_even, start_fit
-from rsgen.law.element import Element, make_element
+from rsgen.law.element import make_element
 from rsgen.law.numeric import ForceLaw
 
 MISSING_TERMS = ("x*abs(x)", "x**3", "x**5", "v*abs(v)", "v**3", "sign(v)")
@@ -71,13 +71,9 @@ def with_coefficients(terms: Sequence[str], taken: Collection[str]) -> dict[str,
 def law_with(problem: Problem, *terms: str) -> ForceLaw:
     """Add terms to the law, across two sensors where some elements act there."""
     place = problem.law.parts[-1].sensors
-    forces = with_coefficients(terms, problem.law.parameters)
-    return law_of((*problem.elements, *(_term(force, place) for force in forces.values())))
-
-
-@lru_cache(maxsize=64)
-def _term(force: str, place: str) -> Element:
-    return make_element("additional term", force, across=place)
+    forces = with_coefficients(terms, problem.law.parameters).values()
+    added = (make_element("additional term", force, across=place) for force in forces)
+    return law_of((*problem.elements, *added))
 
 
 def with_terms(problem: Problem, fit: Fit, terms: Sequence[str]) -> tuple[Problem, Array, list[int]]:
@@ -389,7 +385,7 @@ def alternatives_to(
     backgrounds
         True to include backgrounds.
     """
-    noise = max(fit.regression.sigma * agreement.typical, 1e-300)
+    noise = max(fit.regression.sigma * float(np.median(agreement.wider)), 1e-300)
     more = fit_larger_backgrounds(fit, noise) if backgrounds else {}
     kinds: dict[str, Mapping[str, Alternative]] = {"term": fit_missing_terms(fit, noise)}
     kinds |= {"background": more, "halves": agreement.halves}

@@ -208,10 +208,6 @@ class MeasuredAcross(Forward):
         self.samples = max(samples_for(law.switched), least)
         self._series = fourier_series((1,), self.samples, half=False)
 
-    def share_misfit(self) -> None:
-        """Correlate the two sensors: independent ones would absorb a misfit of the law."""
-        self.correlation = 1 - MISFIT_NEGLIGIBLE**2
-
     def of_sensors(self, influence: Array) -> Array:
         """Return the influence of the deviations of each sensor; those of the second sensor are the last."""
         moved, half = np.array(influence), (influence.shape[1] + 1) // 2

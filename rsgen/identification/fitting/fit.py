@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array, ComplexArray, take_rows
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     MAX_LINEAR_CHANGE,
@@ -256,11 +256,8 @@ class Fit:
         """Take some of the points; what was found from all stays."""
         of_regression = ("nuisance", "misfit", "used", "influence", "rows", "residual")
         part = {name: getattr(self.regression, name)[chosen] for name in of_regression}
-        of_points = ("force", "harmonics", "turn", "scale", "across")
-        own: dict[str, Any] = {name: getattr(self, name)[chosen] for name in of_points}
-        return replace(
-            self, problem=self.problem.select(chosen), regression=replace(self.regression, **part), **own
-        )
+        regression = replace(self.regression, **part)
+        return replace(take_rows(self, chosen), problem=self.problem.select(chosen), regression=regression)
 
 
 def _finish(
@@ -364,9 +361,12 @@ def fit_balance(
     shared = False
     if isinstance(forward, MeasuredAcross) and is_systematic(found.residual, mode.pairs(found.used)):
         shared = True
-        forward.share_misfit()
+        # independent sensors would absorb a misfit of the law
+        forward.correlation = 1 - MISFIT_NEGLIGIBLE**2
         found = fitted(found.parameters, nuisance, rules)
-    if law.switched and steps > 1 and _shows_samples(found, forward, order):
+    # few samples falsify a law with switches: at first order, or in nearly exact data
+    few = law.switched and forward.samples < SAMPLES_PER_PERIOD_SWITCHED
+    if few and steps > 1 and (order == 1 or found.sigma < MISFIT_NEGLIGIBLE):
         forward.samples = SAMPLES_PER_PERIOD_SWITCHED
         more = replace(rules, steps=1 if order == 1 else steps)
         found = fitted(found.parameters, found.nuisance, more)
@@ -381,12 +381,6 @@ def fit_balance(
         # no value is corrected, but ``noise_share``, from which ``noise-across`` follows, is computed
         found = replace(found, noise_share=descent.corrected(found).noise_share)
     return _finish(problem, descent, found, order, shared=shared)
-
-
-def _shows_samples(found: Regression, forward: HarmonicBalance | MeasuredAcross, order: int) -> bool:
-    """Return True where few samples falsify a law with switches: at first order, or in nearly exact data."""
-    few = forward.samples < SAMPLES_PER_PERIOD_SWITCHED
-    return few and (order == 1 or found.sigma < MISFIT_NEGLIGIBLE)
 
 
 def _rules(problem: Problem, mode: Points, **control: Any) -> Rules:

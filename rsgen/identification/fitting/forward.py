@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
@@ -272,14 +273,10 @@ class Simulator(Forward):
         for known, states in self._lately:
             if asked == known:
                 return states
-        states = self._integrate(parameters, drive, accuracy)
-        self._lately.append((asked, states))
-        return states
-
-    def _integrate(self, parameters: Array, drive: Array, accuracy: float) -> SteadyStates | None:
         values = dict(zip(self._law.parameters, map(float, parameters), strict=False))
-        try:
-            return solve_steady_states(
+        found: SteadyStates | None = None
+        with suppress(RsgenError):
+            found = solve_steady_states(
                 Oscillator(float(parameters[-1]), self._elements, values),
                 drive.astype(complex),
                 self._omega / (2 * np.pi),
@@ -287,8 +284,8 @@ class Simulator(Forward):
                 accuracy=accuracy,
                 start=self._state,
             )
-        except RsgenError:
-            return None
+        self._lately.append((asked, found))
+        return found
 
     def _differentiate(
         self, parameters: Array, drive: Array, base: ComplexArray

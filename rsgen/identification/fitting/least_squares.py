@@ -179,8 +179,6 @@ class Rules:
         Maximum of Gauss-Newton steps.
     gain
         Decrease of the sum of squares, in units of the noise found, below which a step is the last.
-    halvings
-        Number of step lengths that are tried, each half of the last.
     attainable
         Misfit by the error of the prediction, below which steps are not halved, and end sooner (``descend``).
     natural
@@ -204,7 +202,6 @@ class Rules:
 
     steps: int = MAX_NEWTON_STEPS
     gain: float = MIN_GAIN_OF_STEP
-    halvings: int = MAX_STEP_HALVINGS
     attainable: float = 0.0
     natural: Array | float = 0.0
     frozen: Sequence[int] = ()
@@ -459,7 +456,7 @@ def _halved(linearise: Linearise, place: Place, step: _Step, rules: Rules, good:
 
     Where no length does, it is the place itself, and -1.
     """
-    for part in 0.5 ** np.arange(1 if step.misfit < rules.attainable else rules.halvings):
+    for part in 0.5 ** np.arange(1 if step.misfit < rules.attainable else MAX_STEP_HALVINGS):
         parameters, nuisance = step.end(place, rules, part)
         trial = linearise(parameters, nuisance)
         both = good & trial.predicted

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined
+from rsgen.common.arrays import Array, Chosen, ComplexArray, blocks, blocks_joined, take_rows
 from rsgen.common.tolerances import MISFIT_NEGLIGIBLE, NOISE_LIMIT_SIGMAS, POINTS_PER_BLOCK
 from rsgen.dynamics.harmonic_balance import Response
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
@@ -140,9 +140,8 @@ class Observed:
 
     def select(self, chosen: Chosen) -> Observed:
         """Keep some points; the band of the background stays."""
-        scale = None if self.scale is None else self.scale[chosen]
-        background = self.background.select(chosen)
-        return replace(self, points=self.points.select(chosen), background=background, scale=scale)
+        part, background = take_rows(self, chosen, "fitted"), self.background.select(chosen)
+        return replace(part, points=self.points.select(chosen), background=background)
 
     def with_phases(self, values: Array, fundamental: ComplexArray, force: ComplexArray) -> Observed:
         """Return the points with the phases of a predicted mode, fundamental (n,) [m] and force (n,) [N].

@@ -345,10 +345,9 @@ class PointBalance(WhitenedBalance):
 
     def select(self, chosen: NDArray[np.intp]) -> PointBalance:
         """Keep some points."""
-        names = ("inertia", "right", "background", "level", "matrices")
-        rows: dict[str, Any] = {name: getattr(self, name)[chosen] for name in names}
+        part = take_rows(self, chosen, "background_at", "background_weight", "compared", "spread")
         along = tuple((x[chosen], v[chosen], a[chosen], step[chosen]) for x, v, a, step in self.trajectories)
-        return replace(self, trajectories=along, spread=np.arange(len(chosen)), _linear_laws={}, **rows)
+        return replace(part, trajectories=along, spread=np.arange(len(chosen)), _linear_laws={})
 
 
 def whiten_balance(

@@ -188,7 +188,8 @@ class Ranking(Printed):
             doubled = [replace(f, severity="warning") for f in against if f.code == "mirror-image-fits"]
             kept = (f for f in found.findings if f.code not in missing and f not in doubled)
             if "background-missing" in missing:
-                kept = (f for f in kept if not _of_background(f))
+                # nor that noise may hide one
+                kept = (f for f in kept if f.code != "law-ambiguous" or "background" not in f.names)
             found = changed(found, findings=tuple(kept))
             # the ranking has its doubts already; a background of phase is a channel that is off
             said = {_topic(f) for f in found.findings}
@@ -305,13 +306,6 @@ class Ranking(Printed):
 def _topic(finding: Finding) -> tuple[str, ...]:
     """Return what two findings have in common that say the same."""
     return finding.code, finding.severity, finding.parameter, finding.names.get("by", "")
-
-
-def _of_background(finding: Finding) -> bool:
-    """Return True if a finding is that a background is missing, or that noise may hide one."""
-    return finding.code == "background-missing" or (
-        finding.code == "law-ambiguous" and "background" in finding.names
-    )
 
 
 # ----------------------------------------------------------------------------

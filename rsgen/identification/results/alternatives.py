@@ -432,11 +432,6 @@ class Agreement:
     halves: Mapping[str, Alternative]
     findings: tuple[Finding, ...] = ()
 
-    @property
-    def typical(self) -> float:
-        """Median factor of the errors, by which the noise is multiplied in tests of alternatives."""
-        return float(np.median(self.wider))
-
     @classmethod
     def of(
         cls, whole: Regression, points: Points, covariance: Array, *, misfits: bool, unit: str = ""
