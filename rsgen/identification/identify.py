@@ -334,14 +334,12 @@ def _is_beyond_any_law(problem: Problem) -> bool:
 
 def _identify(surface: ResponseSurface, model: Model, attained: float, most: int) -> Identification:
     test = prepare(surface, model)
-    points = test.problem.observed.points
-    if 0 < most < len(points):
-        test = replace(test, problem=test.problem.select(points.spread(most)))
-    points = test.problem.observed.points
+    if 0 < most < len(test.points):
+        test = replace(test, problem=test.problem.select(test.points.spread(most)))
+    points = test.points
     noise = points.in_noise
     problem, start = start_fit(test.problem.select(np.flatnonzero(~noise)))
     held = held_points(test.problem, start, noise)
-    held &= np.count_nonzero(~held) > problem.count
     findings = [held_finding(points, held, surface)] if held.any() else []
     if np.any(held != noise):
         problem, start = start_fit(test.problem.select(np.flatnonzero(~held)))

@@ -309,11 +309,7 @@ def _fit_values(modal: ModeProblem) -> Regression:
         descent.scale = np.abs(observed.predict_sensor(response, modal.split(found.parameters)[2]))
         place = found.parameters, found.nuisance, rules
         found = descent.corrected(fit(descent.linearise, *place, used=found.used, neighbours=mode.neighbours))
-    if descent.scale is None:
-        values = modal.split(found.parameters)[2]
-        influence = observed.relative_influence(found.influence, values, found.nuisance)
-        found = replace(found, influence=influence)
-    return found
+    return descent.of_deviations(found)
 
 
 _MAX_POINTS = 800

@@ -197,14 +197,16 @@ def held_points(problem: Problem, parameters: Array, noise: NDArray[np.bool_]) -
 
     They say that the friction is as large as the force, and a balance of few harmonics, which has 4/pi of
     it, takes that for the friction of all others. A response in ``noise`` (n,) says nothing of
-    motion: there the friction itself is to be larger than the force, but for its error.
+    motion: there the friction itself is to be larger than the force, but for its error. None where too few
+    are left for the problem.
     """
     values, mass, background = problem.split(parameters)
     points = problem.observed.mode(background)
     left = abs(mass) * points.omega**2 * points.amplitude
     few = left < RELATIVE_ERROR_DOUBTFUL * np.abs(points.force)
     most = np.where(noise, 1 + RELATIVE_ERROR_DOUBTFUL, MAX_FORCE_TO_FRICTION)
-    return np.asarray(nearly_held(points, problem.law, values, most) & (few | noise))
+    held = nearly_held(points, problem.law, values, most) & (few | noise)
+    return np.asarray(held & (np.count_nonzero(~held) > problem.count))
 
 
 def left_out(

@@ -270,12 +270,7 @@ def _finish(
     turn = problem.observed.turn(regression.nuisance) + lag
     size = np.abs(response.harmonics[:, 1])
     regression = _at_held_amplitudes(regression, descent, problem, problem.observed.nuisances(size, turn))
-    influence = descent.plain(regression.influence, regression.parameters, regression.nuisance)
-    if descent.scale is None:
-        influence = problem.observed.relative_influence(influence, values, regression.nuisance)
-    # of relative deviations
-    influence = descent.forward.of_sensors(problem.observed.plain_influence(influence))
-    regression = replace(regression, influence=influence)
+    regression = descent.of_deviations(regression)
     motion = Motion(problem.observed.points.omega, response.harmonics).turned(-lag)
     across = motion.harmonics[:, :0] if response.across is None else response.across
     return Fit(

@@ -435,12 +435,16 @@ class ErrorsInVariables:
             weight = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
         return observed.linearise(response, at), weight
 
-    def plain(self, influence: Array, parameters: Array, nuisance: Array) -> Array:
-        """Convert the influence (n, M, q) of whitened rows to that of the residuals."""
-        if self.problem.observed.points.load is None:
-            return influence
-        weight = self._rows(parameters, nuisance)[1]
-        return influence if weight is None else np.asarray(weight.transpose(0, 2, 1) @ influence)
+    def of_deviations(self, found: Regression) -> Regression:
+        """Return a fit with the influence (n, M, q) of relative deviations of sensors in place of rows."""
+        observed, influence = self.problem.observed, found.influence
+        if observed.points.load is not None:
+            weight = self._rows(found.parameters, found.nuisance)[1]
+            influence = influence if weight is None else weight.transpose(0, 2, 1) @ influence
+        if self.scale is None:
+            values = self.problem.split(found.parameters)[2]
+            influence = observed.relative_influence(influence, values, found.nuisance)
+        return replace(found, influence=self.forward.of_sensors(observed.plain_influence(influence)))
 
     def corrected(self, found: Regression) -> Regression:
         """Remove the bias of the square of the noise."""

@@ -16,7 +16,7 @@ import numpy as np
 import sympy
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import RsgenError, listed
+from rsgen.common.errors import listed
 from rsgen.common.finding import Finding, Quantity, Severity, Verdict, quantities, reach_verdict
 from rsgen.common.text_table import Printed, TextTable, aligned, lookup, short
 from rsgen.common.tolerances import (
@@ -161,7 +161,7 @@ class Ranking(Printed):
     findings: tuple[Finding, ...]
     noise: float
     unexplained: float
-    surface: ResponseSurface | MultisineSpectra | None = None
+    surface: ResponseSurface | MultisineSpectra
     identified: Identification | None = None
     library: int = 0
     _best: list[Identification] = field(default_factory=list, init=False)
@@ -175,8 +175,6 @@ class Ranking(Printed):
         RsgenError
             As for ``identify``.
         """
-        if self.surface is None:
-            raise RsgenError("ranking.best: the ranking was made without its surface")
         if not self._best:
             found = self.identified or self._identify(self.surface)
             # doubts about the choice of the law are doubts about its identification

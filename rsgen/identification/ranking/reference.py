@@ -220,7 +220,7 @@ def _enough(chosen: NDArray[np.intp], points: Points, law: ForceLaw, values: Arr
 
 def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, float]) -> Reference | None:
     """Simulate a law with jumps or corners, and improve the law along its simulated motion."""
-    reference = _simulate_amplitudes(best.elements, found.values, found.mass, found.background, found)
+    reference = _simulate_amplitudes(found.values, found.mass, found.background, found)
     for _ in range(_SIMULATED_FITS):
         if reference is None:
             return None
@@ -231,14 +231,12 @@ def _simulated_reference(best: CandidateLaw, found: Fit, fixed: Mapping[str, flo
             return reference
         found_values = leader.candidate.values
         values, background = reference.law.ordered(found_values), leader.candidate.background
-        again = _simulate_amplitudes(best.elements, values, found_values["m"], background, found)
+        again = _simulate_amplitudes(values, found_values["m"], background, found)
         reference = again or reference
     return reference
 
 
-def _simulate_amplitudes(
-    elements: tuple[Element, ...], values: Array, mass: float, background: Array, found: Fit
-) -> Reference | None:
+def _simulate_amplitudes(values: Array, mass: float, background: Array, found: Fit) -> Reference | None:
     """Simulate the points with the force that gives the measured amplitude; None if too few have one.
 
     The truncated balance only gives the initial state: near sticking its amplitude is far off.
@@ -250,7 +248,7 @@ def _simulate_amplitudes(
     drive: ComplexArray = points.force * np.exp(-1j * np.where(good, found.turn, 0.0))
     state = Motion(points.omega, found.harmonics).states()
     state[~good] = 0
-    oscillator = Oscillator(mass, elements, law.named(values))
+    oscillator = Oscillator(mass, found.problem.elements, law.named(values))
 
     solve = partial(
         solve_steady_states,
@@ -562,8 +560,7 @@ def _held(points: Points, base: Model, sensors: str) -> NDArray[np.bool_]:
     elements = surrogates(sensors)[0]
     problem = Problem(elements, law_of(elements), Observed.of(points, "none"), base.fixed)
     few, noise = points.spread(SUBSAMPLE_POINTS), points.in_noise
-    held = held_points(problem, start_fit(problem.select(few[~noise[few]]))[1], noise)
-    return held & (np.count_nonzero(~held) > problem.count)
+    return held_points(problem, start_fit(problem.select(few[~noise[few]]))[1], noise)
 
 
 def _start_observed(
