@@ -148,14 +148,6 @@ class _Reader:
             segment.values[place].append(number)
 
 
-def _number(cells: Sequence[str], place: int, decimal: str) -> float | None:
-    return number_in(cells[place], decimal) if place < len(cells) else None
-
-
-def _unit(cell: str) -> str:
-    return _LONG_UNITS.get(cell.casefold(), cell)
-
-
 def _without_tail(pair: Sequence[Array]) -> list[Array]:
     """Cut the end off where channels with an abscissa of their own have fewer rows than others."""
     filled = np.flatnonzero(np.isfinite(np.stack(pair)).any(axis=0))
@@ -172,21 +164,16 @@ def _nodes(segment: _Segment, before: str, only: bool, reader: _Reader) -> Itera
     for place, name in enumerate(segment.names):
         numbers, is_x = values[place], name == _ABSCISSA
         about = place + 1 if is_x and place + 1 < len(segment.names) else place
-        unit = (
-            _unit(spelled[about] or _DIMENSIONS.get(kinds[about].casefold(), ""))
-            if is_x
-            else _unit(units[place])
-        )
-        path = (
-            f"{before}{segment.names[place + 1]}/{name}"
-            if is_x and paired and about > place
-            else before + name
-        )
+        unit, path = units[place], before + name
+        if is_x:
+            unit = spelled[about] or _DIMENSIONS.get(kinds[about].casefold(), "")
+        if about > place and paired:
+            path = f"{before}{segment.names[about]}/{name}"
         if paired:
             first = place if is_x else place - 1
             numbers = _without_tail(values[first : first + 2])[place - first]
         elif is_x and np.isnan(numbers).all() and len(numbers):
-            start, step = _number(starts, about, reader.decimal), _number(steps, about, reader.decimal)
+            start, step = (number_in(cells[about], reader.decimal) for cells in (starts, steps))
             if step is None or not step > 0:
                 continue
             numbers = (start or 0.0) + step * np.arange(len(numbers))
@@ -195,8 +182,9 @@ def _nodes(segment: _Segment, before: str, only: bool, reader: _Reader) -> Itera
             repeats += 1
         used.add(unique)
         yield Node(
-            unique, numbers.shape, "float64", load=partial(np.asarray, numbers), unit=unit, title=name,
-            fault=segment.faults.get(place, ""), column=place + 1 if only else 0,
+            unique, numbers.shape, "float64", load=partial(np.asarray, numbers), title=name,
+            unit=_LONG_UNITS.get(unit.casefold(), unit), fault=segment.faults.get(place, ""),
+            column=place + 1 if only else 0,
         )  # fmt: skip
 
 

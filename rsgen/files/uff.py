@@ -64,16 +64,17 @@ class _Qualifiers:
     denominator: int = 0
 
 
-def _fault_of(function: int, ordinate: int, over: int, said: _Qualifiers) -> str:
-    """Say why a function of these kinds of function and data is none that can be read, or ""."""
-    if function not in _RESPONSES:
-        what = _FUNCTIONS.get(function, f"function of type {function}")
+def _fault_of(head: _Head, said: _Qualifiers) -> str:
+    """Say why a function is none that can be read, or ""."""
+    if head.function not in _RESPONSES:
+        what = _FUNCTIONS.get(head.function, f"function of type {head.function}")
         return (
             f"is a {what}, which is no response to one sine; "
             "a time response, frequency response or spectrum is needed"
         )
-    if function == 4 and ordinate in _FORCE_KINDS and over in _OF_FORCE:
-        return f"is a force over a motion ({_OF_FORCE[over]}); receptance, mobility or accelerance is needed"
+    if head.function == 4 and head.ordinate.kind in _FORCE_KINDS and head.over.kind in _OF_FORCE:
+        what = _OF_FORCE[head.over.kind]
+        return f"is a force over a motion ({what}); receptance, mobility or accelerance is needed"
     if said.numerator in _ROTATIONS or said.denominator in _ROTATIONS:
         return "is of a rotation or a moment (data set 1858); motions along a line and forces are read"
     if said.octave:
@@ -84,23 +85,21 @@ def _fault_of(function: int, ordinate: int, over: int, said: _Qualifiers) -> str
     return ""
 
 
-def _scale_of(function: int, said: _Qualifiers) -> str:
+def _scale_of(head: _Head, said: _Qualifiers) -> str:
     """Return the scale of a spectrum's amplitudes, "rms", "peak" or "half-peak"; "" where it is not given."""
-    return _SCALES.get(said.scale, "") if function in _AMPLITUDES else ""
+    return _SCALES.get(said.scale, "") if head.function in _AMPLITUDES else ""
 
 
-def _remark_of(
-    function: int, axes: tuple[int, int], places: tuple[str, str], label: str, said: _Qualifiers
-) -> str:
-    """Describe a function, what it is in words of ISO 7626 first; ``places`` of response and reference."""
-    ordinate, over = axes
-    parts = [_OVER_FORCE.get(ordinate, "") if function == 4 and over in _FORCE_KINDS else ""]
-    parts.append(_scale_of(function, said))
+def _remark_of(head: _Head, said: _Qualifiers) -> str:
+    """Describe a function, what it is in words of ISO 7626 first."""
+    kind, over_force = head.ordinate.kind, head.over.kind in _FORCE_KINDS
+    parts = [_OVER_FORCE.get(kind, "") if head.function == 4 and over_force else ""]
+    parts.append(_scale_of(head, said))
     parts.append(_WINDOWS.get(said.window, "") + (" adds damping" if said.window in _EXPONENTIAL else ""))
-    what = _FUNCTIONS.get(function, f"function {function}")
-    parts += [what, places[0], label, _QUANTITIES.get(ordinate, "")]
-    if over in _FORCE_KINDS:
-        parts += ["over force", f"at {places[1]}" if places[1] else ""]
+    what = _FUNCTIONS.get(head.function, f"function {head.function}")
+    parts += [what, head.place, head.ordinate.label, _QUANTITIES.get(kind, "")]
+    if over_force:
+        parts += ["over force", f"at {head.reference}" if head.reference else ""]
     return ", ".join(part for part in parts if part)
 
 
@@ -179,23 +178,23 @@ def unit_system(code: int, length: float, force: float) -> UnitSystem:
     return UnitSystem(*found, "data set 164")
 
 
-def _unit(kind: int, label: str, system: UnitSystem) -> tuple[str, str]:
-    if label:
-        return label, "axis label"
-    if kind in _PER_TIME:
-        return system.length and system.length + _PER_TIME[kind], system.source
-    return (system.force, system.source) if kind in _FORCE_KINDS else ("", "")
+def _unit(axis: _Axis, system: UnitSystem) -> tuple[str, str]:
+    if axis.unit:
+        return axis.unit, "axis label"
+    if axis.kind in _PER_TIME:
+        return system.length and system.length + _PER_TIME[axis.kind], system.source
+    return (system.force, system.source) if axis.kind in _FORCE_KINDS else ("", "")
 
 
-def _axis_unit(ordinate: tuple[int, str], over: tuple[int, str], system: UnitSystem) -> tuple[str, str]:
+def _axis_unit(ordinate: _Axis, over: _Axis, system: UnitSystem) -> tuple[str, str]:
     """Find the unit of an ordinate, "" where it is not known; and its source, or why it is not known.
 
-    Of numerator and denominator the kind of data and the label are given, and the last data set 164 before.
+    ``system`` is that of the last data set 164 before.
     """
-    unit, source = _unit(*ordinate, system)
-    if over[0] not in _FORCE_KINDS or _PER_FORCE.search(unit) or not source:
+    unit, source = _unit(ordinate, system)
+    if over.kind not in _FORCE_KINDS or _PER_FORCE.search(unit) or not source:
         return unit, source
-    force, origin = _unit(*over, system)
+    force, origin = _unit(over, system)
     if not (unit and force):
         return "", system.source
     return f"{unit}/{force}", source if source == origin else f"{source}, force: {origin}"
@@ -564,19 +563,15 @@ def walk_universal(file: BinaryIO, heads: set[str] | None, largest: int) -> Iter
         yield Node.text(path, text)
     for number, (head, flat, system, said) in enumerate(sets.functions(), start=1):
         known, unit = _ABSCISSAS.get(head.abscissa.kind, ("", ""))
-        ordinate, over = ((axis.kind, axis.unit) for axis in (head.ordinate, head.over))
-        fault = _fault_of(head.function, ordinate[0], over[0], said)
+        fault = _fault_of(head, said)
         kind = f"{'complex' if head.paired else 'float'}{flat.itemsize * (16 if head.paired else 8)}"
         yield Node(
             f"{number}/abscissa", (head.count,), "float64", load=partial(_abscissa, head, flat),
             unit=head.abscissa.unit or unit, remark=known or head.abscissa.label, fault=fault,
         )  # fmt: skip
-        unit, source = _axis_unit(ordinate, over, system)
+        unit, source = _axis_unit(head.ordinate, head.over, system)
         yield Node(
             f"{number}/ordinate", (head.count,), kind, load=partial(_ordinate, head, flat),
-            unit=unit, unit_source=source, fault=fault, scale=_scale_of(head.function, said),
-            remark=_remark_of(
-                head.function, (ordinate[0], over[0]), (head.place, head.reference), head.ordinate.label, said
-            ),
-            title=head.place or head.title,
+            unit=unit, unit_source=source, fault=fault, scale=_scale_of(head, said),
+            remark=_remark_of(head, said), title=head.place or head.title,
         )  # fmt: skip

@@ -82,11 +82,9 @@ def _titles(rows: Sequence[_Row], first: int, columns: Sequence[int], width: int
         named = [heads[-1][place] for place in columns if heads[-1][place]]
         if not named or not all(map(is_unit, named)):
             break
-    if not heads:
-        return [""] * width
-    units = heads[0] if len(heads) == 2 and any(heads[1]) else [""] * width
-    names = heads[1] if len(heads) == 2 and any(heads[1]) else heads[0]
-    return join_units(names, units)
+    if len(heads) == 2 and any(heads[1]):
+        return join_units(heads[1], heads[0])
+    return heads[0] if heads else [""] * width
 
 
 def _column(rows: Sequence[_Row], place: int, begin: int) -> Array:
