@@ -209,7 +209,7 @@ def _order_of_entries(test: MeasuredTest, table: Table) -> list[Finding]:
 
 def _level_factor(test: MeasuredTest, unit: str) -> float:
     """Find what the numbers of the level's column are in N or m; without a unit in the case the file's."""
-    factor = test.factor("level")
+    factor = test.level_factor
     if test.level.unit is None and unit and test.calibrated:
         # a unit of something else, such as the volts of a drive, is passed over: the forces will tell
         factor *= sensor_size(unit, test.level_unit) or 1.0
@@ -506,8 +506,7 @@ def read_measurement(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     default = dict.fromkeys(text for found in findings if (text := found.names.get("default")))
     stated = [found for found in findings if "default" not in found.names]
     hertz = [text for text in default if text.endswith(" read in Hz")]
-    amounts = [text for text in default if text not in hertz]
-    if amounts:
+    if amounts := [text for text in default if text not in hertz]:
         stated.append(Finding("unit-of-file", "doubt", names={"default": "; ".join(amounts)}))
     if hertz:
         stated.append(Finding("unit-of-file", "info", names={"default": "; ".join(hertz)}))
@@ -546,9 +545,10 @@ def _read(test: MeasuredTest) -> ResponseSurface | MultisineSpectra:
     surface = _amplitudes(test) if test.history is None else _from_histories(test, test.history)
     sense = None if test.history is not None else "lag" if test.sources[-1].lags else "lead"
     quantity = cast("str", test.quantity)
-    # a force per mass and a motion relative to the base are made of several measured quantities
-    other = tuple(quantity_findings(surface, quantity)) if test.base is None else ()
-    if test.base is not None:
+    if test.base is None:
+        other = tuple(quantity_findings(surface, quantity))
+    else:
+        # a force per mass and a motion relative to the base are made of several measured quantities
         absolute = test.base.response == "absolute"
         other = base_findings(surface, absolute=absolute, senses=test.history is None)
     # a base that was misread feeds or mirrors by that

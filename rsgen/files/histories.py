@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, cast
 
@@ -172,13 +173,6 @@ _MAX_UNEVEN = 0.01
 """Of the length of a record, by which its instants are off an even spacing where the clock was read late."""
 
 
-def _rate_in(label: str, name: int | str, values: NDArray[Any]) -> float:
-    distinct = np.unique(values)
-    if len(distinct) != 1 or not (np.isfinite(distinct[0]) and distinct[0] > 0):
-        raise MeasurementError(f"{label}: {quote(name)} is no sampling rate; one number above 0 is needed")
-    return float(distinct[0])
-
-
 _HALF_WIDTH_OF_SINC = 48
 """Samples on either side of the sinc that shifts by a part of a sample: good to 1e-4 up to 0.47 of the
 sampling rate, beyond which no channel is trusted."""
@@ -255,13 +249,15 @@ def _record(test: MeasuredTest, rule: HistoryRule, number: int) -> _Record:
     for path, names in wanted.items():
         sha256 = test.sha256[number] if test.sha256 and path == main else None
         rows[path] = _rows(path, test, list(dict.fromkeys(names)), sha256, findings)
-    start = 0.0
+    rate, start = rule.rate or 0.0, 0.0
     if rule.time is not None:
         rate, start = sampling_rate(rows[main][rule.time], f"{label}: {quote(rule.time)}", rule.rate)
     elif rule.rate_column is not None:
-        rate = _rate_in(label, rule.rate_column, rows[main][rule.rate_column])
-    else:
-        rate = rule.rate or 0.0
+        distinct = np.unique(rows[main][rule.rate_column])
+        rate = float(distinct[0]) if len(distinct) == 1 else 0.0
+        if not (isfinite(rate) and rate > 0):
+            what = quote(rule.rate_column)
+            raise MeasurementError(f"{label}: {what} is no sampling rate; one number above 0 is needed")
     samples = [rows[path][place] for path, place in zip(files, places, strict=True)]
     # the titles of a text were compared as it was read, and with instants of their own texts have no rate
     text = rule.time is not None and recognise_format(main) == "csv"

@@ -83,19 +83,15 @@ def amplitude_steps(amount: Array, step: float | None) -> Array:
     return np.asarray(np.exp((number + 0.5) * ratio))
 
 
-def _runs(frequency: Array, size: Array) -> list[NDArray[np.intp]]:
-    """Rows of each frequency that has some, ascending in amplitude."""
-    order = np.argsort(frequency, kind="stable")
-    edges = np.flatnonzero(np.diff(frequency[order]) > _FREQUENCY_TOLERANCE * frequency[order][1:]) + 1
-    runs = [rows for rows in np.split(order, edges) if len(rows) >= _MIN_POINTS_AT_FREQUENCY]
-    return [rows[np.argsort(size[rows], kind="stable")] for rows in runs]
-
-
 def stable_points(frequency: Array, force: Array, size: Array) -> NDArray[np.bool_]:
     """(n,) False where the force falls as the amplitude grows at one frequency: no force held it there."""
+    order = np.argsort(frequency, kind="stable")
+    edges = np.flatnonzero(np.diff(frequency[order]) > _FREQUENCY_TOLERANCE * frequency[order][1:]) + 1
     stable = np.ones(len(force), dtype=bool)
-    for rows in _runs(frequency, size):
-        stable[rows] = np.gradient(force[rows]) >= 0
+    for run in np.split(order, edges):
+        if len(run) >= _MIN_POINTS_AT_FREQUENCY:
+            rows = run[np.argsort(size[run], kind="stable")]
+            stable[rows] = np.gradient(force[rows]) >= 0
     return stable
 
 
@@ -251,7 +247,7 @@ def level_in_name(test: MeasuredTest, name: str, label: str) -> float:
         else:
             fault += "; or give values = [...]"
         raise MeasurementError(f"{label}: {fault}")
-    level = float(re.sub("[,p]", ".", fitting[0][0])) * test.factor("level")
+    level = float(re.sub("[,p]", ".", fitting[0][0])) * test.level_factor
     if not (level > 0 or test.level.labels):
         raise MeasurementError(
             f"{label}: its name gives a level of {level:g} {test.level_unit}; above 0 needed"
@@ -266,11 +262,6 @@ def _rounded(amount: Array) -> Array:
         if len(np.unique(names)) == len(np.unique(amount)):
             return names
     return amount
-
-
-def _coincide(amount: Array) -> bool:
-    """Return True if several levels were measured with nearly the same amount."""
-    return len(amount) > 1 and float(np.ptp(amount)) < _MAX_LEVEL_SPREAD * float(amount.min())
 
 
 _UNIT_OF_LABEL = re.compile(r"(?![_-]A)[ _-]?([munk]?[NVA]|lbf|[mu]m|g|dB|%)(?![A-Za-z])")
@@ -291,20 +282,20 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     said
         Whether case or files say in which unit the levels are.
     """
-    levels = surface.levels
-    typical = typical_amounts(surface, surface.drive)
+    levels, unit = surface.levels, surface.level_unit
+    nominal, typical = known and not test.level.labels, typical_amounts(surface, surface.drive)
     if test.control == "response":
         surface = replace(surface, findings=(*surface.findings, *control_findings(surface)))
-    if known and not test.level.labels:
+    if nominal:
         if any(finding.code == "levels-disagree" for finding in surface.findings):
             # of two runs that were driven differently there is no typical amount
             return surface
         median, largest = amounts_of_levels(surface)
-        swapped = swapped_levels(levels, median, 1 + _MAX_LEVEL_SPREAD, surface.level_unit)
+        swapped = swapped_levels(levels, median, 1 + _MAX_LEVEL_SPREAD, unit)
         if swapped and np.all(np.abs(np.log(np.sort(median) / levels)) < np.log(LEVEL_TOLERANCE)):
             measured = levels[np.argsort(np.argsort(median))]
-            about = {"labels": ", ".join(f"{one:g}" for one in levels), "unit": surface.level_unit}
-            about["amounts"] = ", ".join(f"{one:.{LEVEL_DIGITS}g} {surface.level_unit}" for one in median)
+            about = {"labels": ", ".join(f"{one:g}" for one in levels), "unit": unit}
+            about["amounts"] = ", ".join(f"{one:.{LEVEL_DIGITS}g} {unit}" for one in median)
             moved = replace(surface, level=measured[np.searchsorted(levels, surface.level)])
             return replace(moved, findings=(*surface.findings, replace(swapped[0], names=about)))
         # shakers lose force at a resonance and stay near the level elsewhere
@@ -315,8 +306,8 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
                 return replace(surface, findings=(*surface.findings, *swapped))
     if not np.isfinite(typical).all():
         return surface
-    if known and not test.level.labels and _coincide(typical):
-        numbers = {"count": Quantity(len(levels)), "amount": Quantity(float(typical[0]), surface.level_unit)}
+    if nominal and len(levels) > 1 and np.ptp(typical) < _MAX_LEVEL_SPREAD * typical.min():
+        numbers = {"count": Quantity(len(levels)), "amount": Quantity(float(typical[0]), unit)}
         finding = Finding("levels-of-one-force", "doubt", numbers=numbers)
         return replace(surface, findings=(*surface.findings, finding))
     names = _rounded(typical)
@@ -324,28 +315,23 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
     if not known:
         return renamed
     renamed = replace(renamed, label=surface.level)
-    labels = {
-        "labels": ", ".join(f"{level:g}" for level in levels),
-        "amounts": ", ".join(f"{name:g} {surface.level_unit}" for name in names),
-        "unit": surface.level_unit,
-    }
-    said = said and not test.level.labels and test.calibrated
-    ratio = typical / levels
+    amounts = ", ".join(f"{name:g} {unit}" for name in names)
+    labels = {"labels": ", ".join(f"{level:g}" for level in levels), "amounts": amounts, "unit": unit}
+    said = said and nominal and test.calibrated
+    ratio, numbers = typical / levels, dict[str, Quantity]()
     # labels that the case calls so are no amounts
-    proportional = not test.level.labels and ratio.max() < LEVEL_TOLERANCE * ratio.min()
-    numbers = {"ratio": Quantity(float(np.median(ratio)))} if proportional else {}
-    corrected = [f for f in surface.findings if f.code == "sweep-rate" and f.names.get("mass") == "given"]
-    if proportional:
+    if nominal and ratio.max() < LEVEL_TOLERANCE * ratio.min():
+        numbers["ratio"] = Quantity(float(np.median(ratio)))
         labels |= nearest_factor(numbers["ratio"].value, COMMON_FACTORS)
+    corrected = [f for f in surface.findings if f.code == "sweep-rate" and f.names.get("mass") == "given"]
     numbers |= {"mass": corrected[0].numbers["mass"]} if corrected else {}
     falls = len(levels) > 2 and bool(np.all(np.diff(typical) < 0))
     labels |= {"order": "falls"} if falls else {}
     found = [Finding("levels-disagree", "doubt" if said else "info", numbers=numbers, names=labels)]
-    amounts = np.any(levels % 1) or _UNIT_OF_LABEL.match((test.level.name or "").partition("{level}")[2])
-    if test.level.labels and falls and amounts:
+    of_drive = np.any(levels % 1) or _UNIT_OF_LABEL.match((test.level.name or "").partition("{level}")[2])
+    if test.level.labels and falls and of_drive:
         # whole numbers may count the runs, others and those with a unit are amounts of a drive
-        factor, unit = 1 + _MAX_LEVEL_SPREAD, surface.level_unit
-        found += swapped_levels(levels, typical, factor, unit, labels=True)
+        found += swapped_levels(levels, typical, 1 + _MAX_LEVEL_SPREAD, unit, labels=True)
     return replace(renamed, findings=(*surface.findings, *found))
 
 

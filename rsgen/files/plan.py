@@ -302,8 +302,8 @@ class MeasuredTest(PlannedTest):
                     f"stands for; add unit = {LABEL!r}, so that the numbers are names, or leave it out",
                 )
             needed = "a time history needs 'samples', its column, and nothing else"
-        for name in (*self.made, "level"):
-            for _, channel in self.terms(name) if name != "level" else ():
+        for name in self.made:
+            for _, channel in self.terms(name):
                 if channel.columns and (channel.samples is None) != (self.history is None):
                     yield name, needed
         yield from self._faults_of_units()
@@ -314,7 +314,7 @@ class MeasuredTest(PlannedTest):
         named = {f"channels.{name}": channel for name, channel in (self.channels or {}).items()}
         for name, said in (own | named | {"level": self.level}).items():
             try:
-                _ = self.scale_of(said) if isinstance(said, Channel) else self.factor(name)
+                _ = self.scale_of(said) if isinstance(said, Channel) else self.level_factor
             except RsgenError as fault:
                 key = "factor" if isinstance(said.factor, str) else "unit" if said.unit else "name"
                 # as it was typed, not as it was read: "g", not "1 standard_gravity"
@@ -401,11 +401,6 @@ class MeasuredTest(PlannedTest):
             "SHA-256 of the measured file": ", ".join(self.sha256) or "not fixed by the case",
         }
 
-    @property
-    def frequency_factor(self) -> float:
-        """The frequency column times this is in Hz, where the file names no unit."""
-        return HERTZ[self.frequency_unit or "Hz"]
-
     def unit_of(self, channel: Channel) -> str:
         """SI unit of a channel: of a response over force per newton."""
         return channel.si_unit + ("/N" if self.per_force and channel == self.made["response"] else "")
@@ -421,14 +416,13 @@ class MeasuredTest(PlannedTest):
             return self.terms("base")[0][1].si_unit
         return "m" if self.control in ("response", "continuation") else "N"
 
-    def factor(self, name: str) -> float:
-        """The numbers of the "force", the "response" or the "level" times this are SI peak values.
+    @property
+    def level_factor(self) -> float:
+        """The numbers of the level times this are SI peak values; those of labels stay as they are.
 
         Where the test is not calibrated, any unit stands for the SI unit: 1 V of a drive for 1 N.
         """
-        if name == "level":
-            return 1.0 if self.level.labels else self._size(self.level, self.level_unit, self._unit_in_name)
-        return [1.0, *(self.scale_of(channel) for _, channel in self.terms(name))][-1]
+        return 1.0 if self.level.labels else self._size(self.level, self.level_unit, self._unit_in_name)
 
     def _size(self, said: Channel | LevelRule, target: str, in_name: str = "") -> float:
         unit = said.unit or in_name or target

@@ -242,7 +242,7 @@ def test_without_a_scale_any_unit_will_do(tmp_path):
     with pytest.raises(CaseError, match=r"test\.force"):
         load_case(write_small(tmp_path, "case", changes))
     relative = load_case(write_small(tmp_path, "case", changes | {"identify": {"calibrated": False}}))
-    assert relative.test.factor("force") == 1.0
+    assert relative.test.scale_of(relative.test.made["force"]) == 1.0
     assert not relative.model.observation.calibrated
 
 

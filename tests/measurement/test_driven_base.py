@@ -154,7 +154,7 @@ def test_a_number_before_g_in_a_name_is_an_acceleration_of_the_base(tmp_path, qu
     base = BaseRule(Channel(amplitude=2, quantity=quantity), "relative")
     level = LevelRule(name="run_{level}g.csv")
     test = planned(tmp_path / "run_2g.csv", force=None, level=level, base=base)
-    assert test.factor("level") == pytest.approx(size)
+    assert test.level_factor == pytest.approx(size)
 
 
 def shaken(friction: float) -> rs.ResponseSurface:
