@@ -283,11 +283,8 @@ def _sentence(fault: Any, document: type[BaseModel]) -> str:
     kind = str(fault["type"])
     context = fault.get("ctx", {})
     # the discriminator's tag is no key of the file
-    if len(location) > 1 and location[0] == "test" and location[1] in KINDS:
-        shown = [location[0], *location[2:]]
-    else:
-        shown = location
-    path = _path(shown)
+    tagged = len(location) > 1 and location[0] == "test" and location[1] in KINDS
+    path = _path([location[0], *location[2:]] if tagged else location)
     if kind == "missing":
         return f"{path}: is missing; every case needs it here"
     if kind == "extra_forbidden":

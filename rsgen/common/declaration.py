@@ -67,12 +67,10 @@ class Rule:
         if self.what is not None:
             return self.what
         if base is str:
+            if not self.most:
+                return "a text in quotes"
             least = f"at least {self.fewest} and " if self.fewest else ""
-            return (
-                f"a text in quotes of {least}at most {self.most} characters"
-                if self.most
-                else "a text in quotes"
-            )
+            return f"a text in quotes of {least}at most {self.most} characters"
         kind = "a whole number" if base is int else "a number"
         if self.at_least is not None and self.at_most is not None:
             return f"{kind} from {self.at_least:.10g} to {self.at_most:.10g}"

@@ -306,11 +306,8 @@ def clipped_samples(values: NDArray[Any], sign: int) -> int:
             continue
         count = (count if below.max() == next_top else 0) + int(np.count_nonzero(below == below.max()))
         next_top = float(below.max())
-    return (
-        on_flat
-        if np.isfinite(next_top) and on_flat >= max(_MIN_EQUAL_SAMPLES, _MIN_CLIPPED_RATIO * count)
-        else 0
-    )
+    clipped = np.isfinite(next_top) and on_flat >= max(_MIN_EQUAL_SAMPLES, _MIN_CLIPPED_RATIO * count)
+    return on_flat if clipped else 0
 
 
 def _stands(history: TimeHistory) -> list[tuple[float, float]]:

@@ -334,11 +334,9 @@ def _moving_mass(
     ):
         difference = 0.0 if flank is None else abs(found.mass / flank.mass - 1)
         return MovingMass(found.mass, "from the sweeps themselves", _MAX_CORRECTION, difference)
-    return (
-        None
-        if flank is None
-        else MovingMass(flank.mass, "from the flanks of the resonance", _MAX_CORRECTION_BY_FLANKS)
-    )
+    if flank is None:
+        return None
+    return MovingMass(flank.mass, "from the flanks of the resonance", _MAX_CORRECTION_BY_FLANKS)
 
 
 def _typical(found: FreeMode) -> float:

@@ -244,11 +244,8 @@ def best_linear(spectra: MultisineSpectra, band: tuple[float, float] | None = No
     require(spectra, MultisineSpectra, "spectra")
     excited = spectra.excited()
     low, high = band or (0.0, np.inf)
-    frequency, recorded, bases = (
-        spectra.omega / (2 * np.pi),
-        spectra.recorded,
-        np.full(len(spectra), spectra.omega0),
-    )
+    frequency, recorded = spectra.omega / (2 * np.pi), spectra.recorded
+    bases = np.full(len(spectra), spectra.omega0)
     found = []
     for level, base in np.unique([spectra.level, bases], axis=1).T:
         rows = np.flatnonzero(

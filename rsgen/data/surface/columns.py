@@ -117,19 +117,15 @@ def force_columns(force: Any, harmonics: Any, rows: int) -> dict[str, NDArray[An
 
     The harmonics of ``force`` replace ``harmonics``; a fundamental alone replaces that of ``harmonics``.
     """
-    if np.ndim(force) > 1:
-        harmonics = column(force, "force", (rows, -1))
-        if harmonics.shape[1] < 2:
-            raise RsgenError(
-                "surface.force: one column; harmonics need at least the mean and the fundamental"
-            )
-        force = harmonics[:, 1]
-    fundamental = column(force, "force", (rows,))
-    if harmonics is None:
+    name = "force" if np.ndim(force) > 1 else "force_harmonics"
+    if name == "force":
+        harmonics = force
+    elif harmonics is None:
         harmonics = np.zeros((rows, 2))
-    whole = np.array(column(harmonics, "force_harmonics", (rows, -1)))
+    whole = np.array(column(harmonics, name, (rows, -1)))
     if whole.shape[1] < 2:
-        raise RsgenError("surface.force_harmonics: needs at least the mean and the fundamental")
+        raise RsgenError(f"surface.{name}: needs at least the mean and the fundamental")
+    fundamental = column(whole[:, 1] if name == "force" else force, "force", (rows,))
     whole[:, 1] = fundamental
     return {"force": fundamental, "force_harmonics": column(whole, "force_harmonics", (rows, -1))}
 
