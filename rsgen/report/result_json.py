@@ -258,10 +258,7 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
     """Return the entry "dissipation" of result.json, SI units; what is not known is null."""
     measured = equivalent.measured_energy(equivalent.mode_surface(surface, identification))
     refined = equivalent.dissipated_energy(identification)
-    values = equivalent.solution_of(identification)
     ends = [0, -1] if math.isfinite(refined.exponent) else []
-    known = np.isfinite([values[name] for name in identification.model.parameters]).all()
-    rest = equivalent.small_stiffness(identification, values) if known else float("nan")
     return {
         "measured": {
             "exponent": finite_or_none(measured.exponent),
@@ -273,7 +270,6 @@ def dissipation_entry(surface: ResponseSurface, identification: Identification) 
             "energy": [float(refined.energy[end]) for end in ends],
             "exponent": [float(refined.course[end]) for end in ends],
         },
-        "stiffness_at_rest": finite_or_none(rest),
     }
 
 

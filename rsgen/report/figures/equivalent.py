@@ -23,7 +23,6 @@ from rsgen.formula.names import remembers, symbol
 from rsgen.formula.units import choose_scale, number_text
 from rsgen.identification.prediction.amplitude_balance import balance_of
 from rsgen.identification.results import Identification, MultisineIdentification, changed
-from rsgen.identification.results.estimates import SMALL_MOTION
 from rsgen.law.memory import with_equations
 from rsgen.law.motion import Motion, cycle_work, project
 from rsgen.law.numeric import compile_law
@@ -472,20 +471,6 @@ def dissipated_energy(identification: Identification, values: Mapping[str, float
     energy = np.pi * found.omega * found.damping * grid**2
     known = np.isfinite(energy) & (energy > 0)
     return _fitted(grid[known], energy[known])
-
-
-def small_stiffness(identification: Identification, values: Mapping[str, float]) -> float:
-    """Return k(0) [N/m], the stiffness for small amplitudes; NaN where there is none or it is infinite."""
-    tested = amplitudes_tested(identification, 2)
-    if not tested.size:
-        return float("nan")
-    amplitude = tested[0] * np.array(SMALL_MOTION)
-    omega = np.full(2, 2 * np.pi * float(np.median(identification.curve.frequency)))
-    used = {name: values[name] for name in identification.model.parameters}
-    with np.errstate(all="ignore"):
-        near, far = evaluated(derive(identification.model.force), amplitude, omega, used).stiffness
-    settled = np.isfinite(near) and near > 0 and abs(far / near - 1) <= MISFIT_NEGLIGIBLE
-    return float(near) if settled else float("nan")
 
 
 # ----------------------------------------------------------------------------
