@@ -106,7 +106,7 @@ def _element(element: Element, mean: Any) -> dict[str, Any]:
         "stiffness": _formula(function.stiffness, display=True),
         "damping": _formula(function.damping, display=True),
         "mean": None if function.mean in (None, 0) else _formula(function.mean, display=True),
-        "proof": sentences.proof_sentence(function.closed_form, function.checked_to),
+        "proof": function.proof,
         "regimes": [r if isinstance(r, str) else _formula(r) for r in function.regimes],
         "remarks": [str(remark) for remark in function.remarks],
     }

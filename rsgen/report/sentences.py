@@ -198,7 +198,7 @@ def full_sentence(finding: Finding) -> str:
 
 
 # ----------------------------------------------------------------------------
-# Sentences of a page about the whole: the test, the proof of a derivation.
+# Sentences of a page about the whole test.
 
 
 def error_text(error: float | None, digits: int = 2) -> str:
@@ -252,15 +252,6 @@ def spectra_sentence(spectra: MultisineSpectra, band: tuple[float, float]) -> st
         f"{count_text(len(spectra.levels), 'level')}, {made}; line spacing {step}. Lines from "
         f"{quantity_text(low, 'Hz', 4)} to {quantity_text(high, 'Hz', 4)} were fitted."
     )
-
-
-def proof_sentence(closed_form: bool, checked_to: float | None) -> str:
-    """Say how a describing function was proved, and to which relative deviation [1]."""
-    form = "closed form" if closed_form else "by quadrature, no closed form is used"
-    if checked_to is None or not math.isfinite(checked_to):
-        return form
-    deviation = number_text(checked_to, 2)
-    return f"{form}; checked against independent quadrature, largest relative deviation {deviation}"
 
 
 # ----------------------------------------------------------------------------

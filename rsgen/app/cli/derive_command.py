@@ -104,22 +104,4 @@ def describe(function: DescribingFunction, latex: bool, notes: Sequence[str] = (
         print_block(f"{'' if number else 'regimes':<9}  ", show(regime))
     for number, remark in enumerate((*notes, *function.remarks)):
         print_block(f"{'' if number else 'notes':<9}  ", remark)
-    print_block(f"{'proof':<9}  ", _proof(function))
-
-
-def _proof(function: DescribingFunction) -> str:
-    agrees = f"agrees with an independent quadrature to {function.checked_to or 0:.1e}"
-    numeric = "the integral is evaluated by quadrature, split at the switching angles"
-    if function.memory:
-        compared = "not all was compared with quadrature or with loops stepped through time"
-        if function.checked_to is not None:
-            compared = (
-                "all agrees with quadrature, and with loops stepped through time, "
-                f"to {function.checked_to:.1e}"
-            )
-        return f"the loop is solved until it closes, at all samples of a cycle; {compared}"
-    if function.closed_form:
-        return f"the closed form {agrees}"
-    if function.checked_to is not None:
-        return f"the closed part {agrees}; {numeric}"
-    return f"no closed form is used; {numeric}"
+    print_block(f"{'proof':<9}  ", function.proof)
