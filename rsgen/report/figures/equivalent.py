@@ -88,7 +88,7 @@ def evaluated(
     values: Mapping[str, float],
     mean: Array | None = None,
 ) -> Equivalent:
-    """Evaluate a describing function; NaN everywhere where the loop of a state does not close.
+    """Evaluate a describing function; NaN where the loop of a state does not close.
 
     Values that were fitted may be such; those of a case file were tried before. Figures and sentences of one
     report ask for the same loops many times.
@@ -102,13 +102,7 @@ def _evaluated(
     law: DescribingFunction, values: tuple[tuple[str, float], ...], count: int, *rows: bytes
 ) -> Equivalent:
     amplitude, omega, *mean = (np.frombuffer(row, dtype=np.float64, count=count) for row in rows)
-    try:
-        return law.evaluate(amplitude, omega, dict(values), *mean)
-    except RsgenError:
-        if not law.memory:
-            raise
-        unknown = np.full(count, np.nan)
-        return Equivalent(unknown, unknown, unknown)
+    return law.evaluate(amplitude, omega, dict(values), *mean, closing=False)
 
 
 def backbone(identification: Identification, values: Mapping[str, float], amplitude: Array) -> Backbone:
