@@ -19,7 +19,6 @@ from typing import Any
 
 import rsgen.identification  # loads the ranking for cases that need it
 import rsgen.report
-from rsgen.analysis.comparison import compare
 from rsgen.app.study.folder import (
     case_file_of,
     file_hash,
@@ -262,8 +261,6 @@ def _execute(
         surface = obtain_table(case, lambda share: report("surface", share))
         tested = time.perf_counter()
         identification = identify_case(case, surface, report)
-        truth = case.with_model(identification.model_given).truth
-        comparison = compare(identification, truth, case.accept)
         durations = {"surface": tested - started, "identification": time.perf_counter() - tested}
         report("report", 0.0)
         with _temporary_in(folder):
@@ -273,7 +270,6 @@ def _execute(
                 surface,
                 identification,
                 case=case,
-                comparison=comparison,
                 durations=durations,
                 command=command,
                 figures=figures,
