@@ -30,7 +30,7 @@ from rsgen.describing.function import DescribingFunction
 from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
-from rsgen.identification.results import Identification
+from rsgen.identification.results import Identification, MultisineIdentification
 
 # Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
 BLUE = "#0072B2"
@@ -55,6 +55,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _KINDS = {
+    "found": MultisineIdentification,
     "function": DescribingFunction,
     "identification": Identification,
     "prediction": Prediction,

@@ -12,7 +12,7 @@ from matplotlib.colors import Normalize, to_rgba
 from matplotlib.ticker import FuncFormatter
 
 from rsgen.common.arrays import Array
-from rsgen.common.errors import RsgenError, require
+from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.record_set import level_name
 from rsgen.data.surface.response_surface import ResponseSurface, choose_levels, typical_amounts, within
@@ -372,7 +372,6 @@ def draw_best_linear(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     ax
         Axes for receptance and response; None makes a figure.
     """
-    require(found, MultisineIdentification, "found")
     levels = found.approximations
     figure, panels = take_axes(ax, 2, (4.4, 4.6), sharex=True)
     unit = found.curve.units.of("m/N") if np.isfinite(found.curve.units.kilogram) else "s^2"
@@ -427,7 +426,6 @@ def draw_line_misfit(found: MultisineIdentification, *, ax: GivenAxes = None) ->
     ax
         Axes for the lowest and the highest level; None makes a figure.
     """
-    require(found, MultisineIdentification, "found")
     spectra = found.spectra
     rows = np.flatnonzero(np.isin(spectra.level, found.levels))
     level = spectra.level[rows]
@@ -465,7 +463,6 @@ def draw_predicted_record(prediction: Prediction, *, ax: GivenAxes = None) -> Dr
     RsgenError
         No record was predicted.
     """
-    require(prediction, Prediction, "prediction")
     if not prediction.records:
         raise RsgenError("prediction: no record was predicted; hold a level out, or give spectra")
     one = prediction.records[0]
