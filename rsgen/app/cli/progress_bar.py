@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
@@ -29,12 +28,8 @@ def print_cache_fault() -> None:
         print_faults([f"note: compiled kernels are not stored, so every run compiles them: {fault}"])
 
 
-class Listener(NamedTuple):
-    """Callbacks of a run: ``finished`` after each case, ``progress`` now and then on a terminal."""
-
-    finished: Callable[[CaseRun], None]
-    progress: Callable[[Step], None] | None = None
-
+_Callbacks = tuple[Callable[[CaseRun], None], Callable[[Step], None] | None]
+"""Of a run: after each case, and now and then on a terminal."""
 
 _MAX_WARNINGS = 5
 """So many a case are printed; the others are counted."""
@@ -66,7 +61,7 @@ def _lines(run: CaseRun, *, values: bool) -> list[str]:
 
 
 @contextmanager
-def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
+def case_progress(total: int, quiet: bool) -> Iterator[_Callbacks]:
     """Print each case when it is finished and, on a terminal, show how many are, or how far one has come.
 
     Parameters
@@ -83,7 +78,7 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
                 print_line(line, flush=True)
             print_faults(run.faults)
 
-        yield Listener(note)
+        yield note, None
         return
     with Bars(total) as bars:
 
@@ -92,7 +87,7 @@ def case_progress(total: int, quiet: bool) -> Iterator[Listener]:
             for line in (*run.faults, *([] if quiet else _lines(run, values=total == 1))):
                 bars.say(line)
 
-        yield Listener(show, bars.show)
+        yield show, bars.show
 
 
 @contextmanager

@@ -36,12 +36,6 @@ def exit_code(runs: Sequence[CaseRun]) -> int:
     return max((verdict_code(run.verdict["state"]) for run in runs if run.verdict), default=USABLE_RESULT)
 
 
-def check_figures(kind: str | None) -> None:
-    """Refuse kinds of figures that are not written."""
-    if kind not in (None, *FIGURE_KINDS):
-        raise RsgenError(f"--figures {kind}: must be one of {', '.join(FIGURE_KINDS)}")
-
-
 def run_command(
     cases: Cases,
     out: Out = Path("reports"),
@@ -64,14 +58,16 @@ def run_command(
       rsgen run mine.toml --figures pdf
     """
     print_cache_fault()
-    check_figures(figures)
+    if figures not in (None, *FIGURE_KINDS):
+        raise RsgenError(f"--figures {figures}: must be one of {', '.join(FIGURE_KINDS)}")
     words = ("rsgen", "run", *(path.name for path in cases), *(("--force",) if force else ()))
     if figures:
         words += ("--figures", figures)
-    with case_progress(len(find_cases(cases)), quiet=json) as seen:
+    with case_progress(len(find_cases(cases)), quiet=json) as (finished, progress):
         runs = run_cases(
-            cases, out, force=force, data=data, command=words, figures=figures, workers=jobs, **seen._asdict()
-        )
+            cases, out, force=force, data=data, command=words, figures=figures, workers=jobs,
+            finished=finished, progress=progress,
+        )  # fmt: skip
     if json:
         print_json(
             [

@@ -42,19 +42,15 @@ def recover(out: Path) -> None:
     if not out.is_dir():
         return
     with _alone(out):
-        _clear_up(out)
-
-
-def _clear_up(out: Path) -> None:
-    for path in sorted(out.iterdir()):
-        name = left_behind(path)
-        if name is None or path.is_symlink() or not path.is_dir() or _is_filled(path):
-            continue
-        place = out / name
-        if path.suffix == ".old" and not place.exists() and read_manifest(path) is not None:
-            path.rename(place)
-        elif _of_a_run(path):
-            shutil.rmtree(path, ignore_errors=True)
+        for path in sorted(out.iterdir()):
+            name = left_behind(path)
+            if name is None or path.is_symlink() or not path.is_dir() or _is_filled(path):
+                continue
+            place = out / name
+            if path.suffix == ".old" and not place.exists() and read_manifest(path) is not None:
+                path.rename(place)
+            elif _of_a_run(path):
+                shutil.rmtree(path, ignore_errors=True)
 
 
 @contextmanager
