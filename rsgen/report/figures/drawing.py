@@ -27,10 +27,11 @@ from rsgen.common.errors import RsgenError, require
 from rsgen.data.surface.mode_findings import force_changes
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.describing.function import DescribingFunction
-from rsgen.formula.units import SWEEPS, choose_scale, count_text, number_text, quantity_text
+from rsgen.formula.units import SWEEPS, choose_scale, number_text, quantity_text
 from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.prediction import Prediction
 from rsgen.identification.results import Identification, MultisineIdentification
+from rsgen.report.sentences import surface_sentence
 
 # Okabe and Ito's colours, which colour-blind readers distinguish; line styles distinguish them in grey
 BLUE = "#0072B2"
@@ -341,20 +342,13 @@ def _alternative(surface: ResponseSurface) -> str:
         return "No test point settled, so there is no surface to show."
     extreme = "least force" if surface.response_held else "largest amplitude"
     extreme = "amplitude at the largest response per force" if force_of_levels_changes(surface) else extreme
-    lost = int(np.count_nonzero(~surface.settled))
-    unsettled = f"{count_text(lost, 'point')} did not settle."
-    extreme += " of a settled point" if lost else ""
-    least, most = (quantity_text(f(surface.level), surface.level_unit) for f in (np.min, np.max))
-    band = " to ".join(quantity_text(f(surface.frequency), "Hz", 5) for f in (np.min, np.max))
-    tested = f"{count_text(len(surface), 'test point')}, {count_text(len(surface.levels), 'level')}"
     low, high = (
         f"{quantity_text(surface.answer[i], surface.answer_unit, 3)} at "
         f"{quantity_text(surface.frequency[i], 'Hz', 5)}"
         for i in (peaks[0], peaks[-1])
     )
     if len(peaks) == 1:
-        level = quantity_text(surface.level[peaks[0]], surface.level_unit)
-        return f"{tested}, {band}. The {extreme} is {low}, level {level}. {unsettled}"
+        return f"{surface_sentence(surface)} The {extreme} is {low}."
     shift = surface.frequency[peaks[-1]] / surface.frequency[peaks[0]] - 1
     course = f"it moves by {100 * shift:+.2f} %"
     of_level = (surface.frequency[surface.level == surface.level[i]] for i in (peaks[0], peaks[-1]))
@@ -362,8 +356,8 @@ def _alternative(surface: ResponseSurface) -> str:
     if any(place in (run.min(), run.max()) for place, run in places if len(run) > 2):
         course = "at the edge of the band, where the resonance lies or beyond which it lies"
     return (
-        f"{tested} from {least} to {most}, {band}. The {extreme} rises from {low} (lowest level) to {high} "
-        f"(highest level): {course}. {unsettled}"
+        f"{surface_sentence(surface)} The {extreme} rises from {low} (lowest level) to {high} (highest "
+        f"level): {course}."
     )
 
 
