@@ -224,9 +224,7 @@ def _verdict_context(parts: Parts) -> dict[str, Any]:
     }
 
 
-def element_finding(
-    element: Element, identification: Identification, ends: Ends | None = None
-) -> Finding | None:
+def element_finding(element: Element, identification: Identification, ends: Ends) -> Finding | None:
     """Find what an identified spring or damper does over the tested amplitudes; None where nothing is known.
 
     Parameters
@@ -236,7 +234,7 @@ def element_finding(
     identification
         Gives the values and the tested range; parameters that are not identifiable are named.
     ends
-        The resonance at both ends of the amplitudes; None: those that were tested.
+        The resonance at both ends of the amplitudes.
     """
     identifiable = {estimate.name: estimate.identifiable for estimate in identification.refined}
     unknown = [name for name in element.parameters if not identifiable.get(name, True)]
@@ -249,7 +247,7 @@ def element_finding(
         own = np.isfinite([values[name] for name in element.parameters]).all()
         if unknown or not own or element.force.has(symbol("x")):
             return course if unknown else None
-    numbers, states = _course(element, identification, values, ends or resonance_at_ends(identification))
+    numbers, states = _course(element, identification, values, ends)
     if not unknown and not element.across:
         numbers |= _sides(element, identification, values)
         if any(found.code == "mirror-image-fits" for found in identification.findings):
@@ -276,9 +274,8 @@ def _sides(element: Element, identification: Identification, values: dict[str, f
     return {"pull": pull, "push": push, "largest": Quantity(largest, "m")}
 
 
-def resonance_course(identification: Identification, ends: Ends | None = None) -> list[Finding]:
+def resonance_course(identification: Identification, ends: Ends) -> list[Finding]:
     """Find resonance frequency and damping ratio of the law at the ends of the tested amplitudes; or none."""
-    ends = ends or resonance_at_ends(identification)
     found = ends.backbone
     if found is None:
         return []
@@ -347,7 +344,7 @@ def _course(
 
 
 def describe_elements(
-    elements: Iterable[Element], identification: Identification, ends: Ends | None = None
+    elements: Iterable[Element], identification: Identification, ends: Ends
 ) -> dict[str, str]:
     """Return the sentence of every element by its name."""
     said = {element.name: element_finding(element, identification, ends) for element in elements}

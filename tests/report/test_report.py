@@ -21,6 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import rsgen
+from rsgen.common.finding import Finding
 from rsgen.data.oscillator import Model
 from rsgen.formula.printing import write
 from rsgen.formula.reading import parse
@@ -74,7 +75,11 @@ def whole_page() -> str:
 
 
 def described(element: Element, found: Identification) -> str:
-    return report_page.describe_elements([element], found)[element.name]
+    return report_page.describe_elements([element], found, report_page.resonance_at_ends(found))[element.name]
+
+
+def course_of(found: Identification) -> list[Finding]:
+    return report_page.resonance_course(found, report_page.resonance_at_ends(found))
 
 
 class Outline(HTMLParser):
@@ -297,10 +302,11 @@ def quintic() -> tuple[rsgen.ResponseSurface, Identification]:
 
 def test_what_is_stated_and_drawn_has_all_harmonics_as_the_points_have_them():
     _, found = quintic()
-    (course,), largest = report_page.resonance_course(found), found.amplitude_range[1]
+    (course,), largest = course_of(found), found.amplitude_range[1]
     frequency = free_frequency(lambda x: (31000 * x + 9e14 * x**5) / 1.9, largest)
     assert course["frequency_last"] == pytest.approx(frequency, rel=2e-4)
-    spring, damper = (report_page.element_finding(element, found) for element in found.model.elements)
+    ends = report_page.resonance_at_ends(found)
+    spring, damper = (report_page.element_finding(element, found, ends) for element in found.model.elements)
     assert spring["stiffness_last"] == pytest.approx(1.9 * (2 * np.pi * frequency) ** 2, rel=1e-3)
     damping = damper["damping_last"] / (4 * np.pi * 1.9 * frequency)
     assert damping == pytest.approx(course["ratio_last"], rel=0.01)
@@ -376,11 +382,11 @@ def test_findings_of_a_prediction_stand_in_the_one_list(tmp_path, run_cli):
 
 def test_the_resonance_is_stated_at_the_amplitudes_of_the_modal_table_and_marked_beyond_the_band():
     _, found = quintic()
-    assert "beyond" not in report_page.resonance_course(found)[0].names
+    assert "beyond" not in course_of(found)[0].names
     table = SimpleNamespace(amplitude=np.array([4e-4, 6e-4]))
     (course,) = report_page.resonance_course(found, report_page.resonance_at_ends(found, tables.Modal(table)))
     assert (course["amplitude_first"], course["amplitude_last"]) == (4e-4, 6e-4)
-    (cut,) = report_page.resonance_course(replace(found, frequency_range=(16.5, 21.0)))
+    (cut,) = course_of(replace(found, frequency_range=(16.5, 21.0)))
     assert cut.names["beyond"] == f"{cut['frequency_last']:.4g} Hz"
     assert f"(beyond the tested band: {cut['frequency_last']:.4g} Hz)" in sentence(cut)
 

@@ -11,7 +11,7 @@ from rsgen.identification.prediction.resonance_curves import shown_levels
 from rsgen.report.figures.curves import draw_collapse, draw_modal
 from rsgen.report.figures.drawing import STYLE, Drawing, draw_surface
 from rsgen.report.figures.equivalent import draw_derivation
-from rsgen.report.figures.loop_figures import draw_energy, draw_forces, draw_loops, force_function
+from rsgen.report.figures.loop_figures import draw_energy, draw_forces, draw_loops
 from rsgen.report.figures.responses import (
     draw_best_linear,
     draw_held_out,
@@ -37,7 +37,6 @@ __all__ = [
     "draw_predicted_record",
     "draw_responses",
     "draw_surface",
-    "force_function",
     "number_text",
     "quantity_text",
     "shown_levels",

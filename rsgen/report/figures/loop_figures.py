@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import CONFIDENCE_TEXT, RELATIVE_CHANGE_NEGLIGIBLE
-from rsgen.data.oscillator import Model
 from rsgen.data.surface.response_surface import ResponseSurface, choose_levels
 from rsgen.formula.names import remembers
 from rsgen.formula.units import choose_scale, count_text, number_text, quantity_text
@@ -27,25 +26,6 @@ from rsgen.report.figures import drawing, equivalent
 
 _WIDEST_BAND = 0.5
 """Half width of a band, relative to the largest force, beyond which a point says nothing about the law."""
-
-
-def force_function(model: Model, values: Mapping[str, float]) -> Callable[[Array, Array], Array]:
-    """Return the force of a model as a function of displacement [m] and velocity [m/s], elementwise.
-
-    Parameters
-    ----------
-    values
-        Every parameter of the laws, SI; others are ignored.
-    """
-    law = compile_law(model.force)
-    point = law.ordered(values)
-
-    def force(x: Array, v: Array) -> Array:
-        with np.errstate(all="ignore"):
-            result = law.force(x, v, point)
-        return np.broadcast_to(result, np.broadcast_shapes(np.shape(x), np.shape(v)))
-
-    return force
 
 
 @drawing.in_style
@@ -67,7 +47,7 @@ def draw_forces(
     # the largest response is at a resonance, not where the band ends
     speeds = 2 * np.pi * (curve.amplitude * curve.frequency)[curve.used]
     fast = float(np.nanmax(speeds, initial=0.0)) or high * 2 * np.pi * identification.frequency_range[1]
-    model, restoring, zero = identification.model, identification.restoring, np.zeros(401)
+    law, restoring, zero = compile_law(identification.model.force), identification.restoring, np.zeros(401)
     laws: dict[str, tuple[Mapping[str, float], dict[str, Any]]]
     laws = {"refined": (equivalent.solution_of(identification), drawing.REFINED)}
     laws |= {} if truth is None else {"truth": (truth, drawing.TRUTH)}
@@ -77,8 +57,11 @@ def draw_forces(
         place, still = np.linspace(-end, end, 401), unit == "m"
         lines = []
         for name, (values, look) in laws.items():
-            law = force_function(model, values)
-            force = law(place, zero) if still else law(zero, place) - law(zero, zero)
+            point = law.ordered(values)
+            if still:
+                force = law.force(place, zero, point)
+            else:
+                force = law.force(zero, place, point) - law.force(zero, zero, point)
             lines.append((name, force, look))
         columns = (motion, f"{what}_force", f"{what}_band")
         points = None if restoring is None else [getattr(restoring, name) for name in columns]
