@@ -68,15 +68,17 @@ class Stiffness:
         return np.asarray(2 * np.pi / omega * fastest / _STABLE_STEP)
 
 
-def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -> Array | None:
+def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -> Array:
     """Return the change of each of D state numbers for one metre of displacement [its unit/m], (D,).
 
     From the equations z' = g(x, v, z) at rest: |dg/dv| + |dg/dx|/omega; what depends on neither follows the
     other states. Only norms and the distances of neighbouring orbits depend on it.
     """
     memory = memory_form(oscillator.force)
+    # x, v/omega, the states, and the largest and smallest displacement of a loop: lengths have the size of x
+    ends_of_loop = (1.0, 1.0) if memory is not None and memory.curves else ()
     if memory is None or not memory.rates:
-        return None
+        return np.array([1.0, 1.0, *ends_of_loop])
     states = [rate.symbol for rate in memory.rates]
     rates = _at_values(
         oscillator, tuple(rate.rate for rate in memory.rates), symbol("x"), symbol("v"), *states
@@ -99,8 +101,6 @@ def units_of_states(oscillator: Oscillator, force: ComplexArray, omega: Array) -
         direct = steps[:, :2].sum(axis=1) / w
         units = np.where(direct > 0, direct, steps[:, 2:].sum(axis=1) / w)
     units = np.where(np.isfinite(units) & (units > 0), units, 1.0)
-    # x, v/omega, the states, and the largest and smallest displacement of a loop: lengths have the size of x
-    ends_of_loop = (1.0, 1.0) if memory.curves else ()
     return np.array([1.0, 1.0, *units, *ends_of_loop])
 
 
@@ -288,7 +288,7 @@ class PeriodMap:
     """The period maps of n test points of one oscillator.
 
     States are y = (x, v/omega) [m], so that both parts weigh the same, followed for a law with memory by its
-    states over ``units``, (D,) or None, and by the loop of its Masing laws: k of them are an array (D, k).
+    states over ``units`` (D,), and by the loop of its Masing laws: k of them are an array (D, k).
     ``force`` (n, 2) holds the real and imaginary part of F [N].
 
     ``memory`` is what else the points remember. A transient goes on with it and changes it. Fixed points
@@ -302,7 +302,7 @@ class PeriodMap:
     values: Array
     force: Array
     omega: Array
-    units: Array | None = None
+    units: Array
     memory: LoopMemory | None = None
     stiffness: Stiffness | None = None
     sticking: Sticking | None = None
@@ -367,8 +367,8 @@ class PeriodMap:
         transient: bool,
     ) -> Integrated:
         size = len(y)
-        if self.units is not None:
-            y = y * self.units[:size, None]
+        units = self.units[:size, None]
+        y = y * units
         if self.memory is not None:
             y = self.memory.joined(points, y, transient=transient)
         moved = self.kernel.integrate(
@@ -379,9 +379,8 @@ class PeriodMap:
             if transient:
                 self.memory.keep(points, moved.state)
             moved = replace(moved, state=moved.state[:size], history=moved.history[:, :size])
-        if self.units is not None:
-            moved.state[:] /= self.units[:size, None]
-            moved.history[:] /= self.units[:size, None]
+        moved.state[:] /= units
+        moved.history[:] /= units
         return moved
 
 

@@ -374,8 +374,7 @@ def _solve_batch(
         given = min(start.shape[1], rows.smooth)
         y[:given] = start.T[:given]
         y[1] /= omega
-        if units is not None:
-            y /= units[:, None]
+        y /= units[:, None]
     offsets = np.zeros((0, len(omega))) if start is None else start.T[rows.smooth :]
     memory = LoopMemory.at_start(rows, offsets, len(omega)) if rows.curves else None
     period_map = replace(period_map, memory=memory)
@@ -394,9 +393,7 @@ def _solve_batch(
             refined.replace(lost, refine(few, again, harmonics, accuracy))
             if memory is not None and few.memory is not None:
                 memory.put(lost, few.memory)
-    state = refined.y.T.copy()
-    if units is not None:
-        state *= units
+    state = refined.y.T * units
     state[:, 1] *= omega
     if memory is not None:
         state = np.hstack([state, memory.offsets.T])

@@ -79,11 +79,8 @@ def inline_svg(drawing: Drawing) -> Markup:
     text = re.sub(r'\bid="', f'id="{prefix}', text)
     text = re.sub(r'href="#', f'href="#{prefix}', text)
     text = text.replace("url(#", f"url(#{prefix}")
-    size = re.search(r'<svg width="([0-9.]+)pt" height="([0-9.]+)pt"', text)
-    if size is None:  # pragma: no cover - matplotlib has written this for twenty years
-        raise ValueError("matplotlib wrote an SVG without size")
     named = f'<svg class="drawing" role="img" aria-label="{escape(drawing.alternative)}"'
-    text = text.replace(size[0], named, 1)
+    text = re.sub(r'<svg width="[0-9.]+pt" height="[0-9.]+pt"', lambda _: named, text, count=1)
     text = re.sub(r">\s+<", ">\n<", text)
     return Markup(text)  # noqa: S704 - written by matplotlib, which escapes text; the label is escaped here
 

@@ -240,7 +240,6 @@ def resonance_table(identification: Identification) -> Table:
 
 
 _NOT_SEEN = "Levels that identification has not seen"
-_RELATIVE = "relative to the root mean square of the measured response"
 
 
 def held_out_table(
@@ -267,8 +266,9 @@ def held_out_table(
         columns["Error of the law at the points predicted"] = lambda item: error_text(_error_at(law, item))
     if not held_out:
         return None
-    said = f"; the misfit is {error_text(held_out[0].misfit)}"
-    return _tabulated(f"{caption}; errors {_RELATIVE}{said}", held_out, columns)
+    caption += "; errors relative to the root mean square of the measured response"
+    caption += f"; the misfit is {error_text(held_out[0].misfit)}"
+    return _tabulated(caption, held_out, columns)
 
 
 def _error_at(law: Sequence[HeldOutLevel], item: HeldOutLevel) -> float:

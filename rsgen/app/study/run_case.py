@@ -12,7 +12,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -172,8 +171,7 @@ def current_result(case: Case, out: Path, figures: str | None = None) -> CaseRun
     manifest = read_manifest(folder)
     if manifest is None or not inputs_unchanged(manifest, _inputs(case)) or RESULT not in manifest["files"]:
         return None
-    # the picture for the index is there in any case
-    if figures and not any(fnmatch(name, f"figure-*.{figures}") for name in manifest["files"]):
+    if figures and not any(name.endswith(f".{figures}") for name in manifest["files"]):
         return None
     try:
         return replace(_finished(case, folder), skipped=True)

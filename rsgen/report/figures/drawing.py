@@ -243,14 +243,11 @@ class Drawing:
             self.figure.savefig(buffer, format=kind, metadata=metadata)
         return buffer.getvalue()
 
-    def _repr_mimebundle_(
-        self, include: object = None, exclude: object = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _repr_mimebundle_(self, **wanted: object) -> tuple[dict[str, Any], dict[str, Any]]:
+        shown: dict[str, Any] = {"text/plain": self.alternative}
         if not self.whole:
-            return {"text/plain": self.alternative}, {}
-        return {"image/png": self.render("png"), "text/plain": self.alternative}, {
-            "image/png": {"alt": self.alternative}
-        }
+            return shown, {}
+        return {"image/png": self.render("png"), **shown}, {"image/png": {"alt": self.alternative}}
 
 
 # ----------------------------------------------------------------------------
