@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -12,12 +13,12 @@ from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, Json, print_bl
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
 from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN
-from rsgen.report.result_json import comparison_entry, read_result
+from rsgen.report.result_json import Entry, comparison_entry, read_result
 from rsgen.report.sentences import full_sentence, next_step
 
 
-def compare_results(*places: str | Path) -> tuple[FitComparison, tuple[str, ...]]:
-    """Set results side by side, and return their different laws, too.
+def compare_results(*places: str | Path) -> tuple[FitComparison, list[Entry]]:
+    """Set results side by side, and return them as they were read, too.
 
     Parameters
     ----------
@@ -31,34 +32,30 @@ def compare_results(*places: str | Path) -> tuple[FitComparison, tuple[str, ...]
     """
     if len(places) < 2:
         raise RsgenError("diff: one result; give two or more of reports/<case>")
-    fits, laws = list[ComparedFit](), list[str]()
+    entries = list[Entry]()
     for place in places:
         entry = read_result(Path(place) / "result.json")
         if entry is None:
             raise RsgenError(f"{place}: holds no result of rsgen; give reports/<case>")
-        fits.append(entry.fit(str(place)))
-        laws.append(entry.law)
-    return FitComparison(tuple(fits)), tuple(dict.fromkeys(laws))
+        entries.append(entry)
+    fits = (entry.fit(str(place)) for entry, place in zip(entries, places, strict=True))
+    return FitComparison(tuple(fits)), entries
 
 
-def say_preferred(*places: str | Path) -> str:
+def say_preferred(fits: Sequence[ComparedFit], entries: Sequence[Entry]) -> str:
     """Say which of two laws leaves less of the same points, and if more than noise; "" of other results."""
-    entries = [entry for place in places if (entry := read_result(Path(place) / "result.json")) is not None]
-    fits = [entry.fit() for entry in entries]
     tests = [
         (points.get("frequency"), points.get("amplitude"), list(fit.held_out))
         for entry, fit in zip(entries, fits, strict=True)
         if isinstance(points := entry.result.get("equivalent"), dict)
     ]
-    if len(places) != 2 or len(tests) != 2 or tests[0] != tests[1] or not isinstance(tests[0][0], list):
+    if len(entries) != 2 or len(tests) != 2 or tests[0] != tests[1] or not isinstance(tests[0][0], list):
         return ""
     # without phases a point is one number
     unknown = [f for f in entries[0].result["findings"] if f["code"] == "not-recorded"]
     phases = all(f["names"].get("signal") != "phase" for f in unknown)
     numbers = (1 + phases) * max(len(tests[0][0]), 1)
-    found = [
-        (fit.bic(numbers), str(place), 100 * fit.misfit) for place, fit in zip(places, fits, strict=True)
-    ]
+    found = [(fit.bic(numbers), fit.name, 100 * fit.misfit) for fit in fits]
     (least, best, small), (more, other, large) = sorted(found)
     shown = f"of the same points {best} leaves {small:.2g} % and {other} {large:.2g} %"
     if more - least > MIN_SIGNIFICANT_GAIN:
@@ -83,8 +80,9 @@ def diff_command(
       rsgen diff reports/cubic results/cubic
       rsgen diff runs/cubic runs/quintic runs/gap --json
     """
-    fits, laws = compare_results(*results)
-    preferred = say_preferred(*results) if len(laws) > 1 else ""
+    fits, entries = compare_results(*results)
+    laws = list(dict.fromkeys(entry.law for entry in entries))
+    preferred = say_preferred(fits.fits, entries) if len(laws) > 1 else ""
     code = DOUBTED_RESULT if is_worse(fits) else USABLE_RESULT
     if json:
         print_json(
