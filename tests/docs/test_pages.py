@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from docs._extension.findings import findings_list
 from docs._extension.made_findings import places_of_findings
 from docs.pages import MAKERS, pages, renewed
 from rsgen.report.sentences import CODES, NEXT_STEPS
@@ -42,25 +41,6 @@ def test_every_finding_has_a_place_and_a_severity_and_a_grave_one_a_next_step():
     assert {"law-does-not-fit", "structure-feeds-exciter"} <= grave
     assert grave - set(NEXT_STEPS) == set(), "add the next step in findings.toml"
     assert set(NEXT_STEPS) <= set(CODES)
-
-
-@pytest.mark.parametrize(("code", "where", "threshold"), [
-    ("points-excluded", "soundness.exclusion_findings", ("MAX_SHARE_OF_OUTLIERS_BY_CHANCE", 0.05)),
-    ("held-out-missed", "prediction.prediction_result.missed_findings", ("HELD_OUT_ERROR_SMALL", 0.05)),
-])  # fmt: skip
-def test_a_threshold_stands_with_its_reason(code, where, threshold):
-    places = (place for place in places_of_findings()[code] if place.where == f"rsgen.identification.{where}")
-    reasons = {(one.name, one.value): one.reason for place in places for one in place.thresholds}
-    assert reasons[threshold]
-
-
-def test_thresholds_of_a_severity_come_first_and_words_of_names_stand_below():
-    texts = {part.partition("`")[0]: part for part in findings_list().split("## `")[1:]}
-    thresholds = re.findall(r"\* `(\w+)` = [^,:]+(, of the severity)?", texts["law-does-not-fit"])
-    marked = {name for name, mark in thresholds if mark}
-    assert marked == {"MISFIT_DOUBTFUL_PATTERN_UNSEEN", "MISFIT_DOUBTFUL_WITH_PATTERN", "MISFIT_REJECTED"}
-    assert {name for name, _ in thresholds[:3]} == marked
-    assert "\\<by>: no candidate explains them, " in texts["points-excluded"]
 
 
 def test_the_page_of_capabilities_is_current():

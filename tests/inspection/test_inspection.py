@@ -12,6 +12,7 @@ import scipy.io
 from rsgen import read
 from rsgen.app.cli.inspect_command import proposal_text
 from rsgen.common.errors import MeasurementError
+from rsgen.files import sandbox
 from rsgen.files.inspection.listing import list_contents
 from rsgen.files.inspection.proposal import Proposal
 from rsgen.files.plan import Layout
@@ -122,6 +123,16 @@ def test_what_is_inside_is_shown(run_cli):
     found = json.loads(run_cli("inspect", FORMATS / "steps.h5", "--json").out)
     assert (found["format"], found["entries"][0]["shape"]) == ("hdf5", [10880])
     assert found["test"]["test.time"] == {"rate_column": "rate"}
+
+
+@pytest.mark.slow
+def test_inspect_says_what_is_not_limited(run_cli, monkeypatch):
+    assert "limits" not in run_cli("inspect", FORMATS / "table.mat").err
+    monkeypatch.setattr(sandbox, "MEMORY_STATUS", "/no/such/file")
+    assert "limits everything but the memory" in run_cli("inspect", FORMATS / "table.mat").err
+    assert "limits" not in run_cli("inspect", FORMATS / "table.csv").err
+    monkeypatch.setattr(sandbox, "find_spec", lambda name: None)
+    assert "limits nothing but the time" in run_cli("inspect", FORMATS / "table.mat").err
 
 
 def test_every_text_survives_toml():
