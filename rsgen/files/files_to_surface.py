@@ -301,8 +301,11 @@ def _driven(sources: Sources, frequency: Array, level: Array | None) -> tuple[Co
     if "force" in test.made:
         force = sources.sum("force", frequency)
     else:
-        # without a force the plan asks for a level
+        # without a force the plan asks for a level, of a held response over force for the response
         force = np.asarray(cast("Array", level), dtype=np.complex128)
+        if test.control == "response":
+            ratio = motions[:, 0]
+            force = np.divide(force, ratio, out=np.zeros_like(force), where=ratio != 0)
     if test.per_force:
         motions[:, 0] *= force
     return force, motions
@@ -349,7 +352,8 @@ def _amplitudes(test: MeasuredTest) -> ResponseSurface:
     sweep = "rest" if followed else told
     nominal = test.level.column is not None and np.array_equal(drive, np.concatenate(levels))
     if nominal or not test.driven:
-        by = {"by": "ratio"} if test.per_force else {"by": "equality"} if test.driven else {}
+        ratio = "held" if test.control == "response" else "ratio"
+        by = {"by": ratio} if test.per_force else {"by": "equality"} if test.driven else {}
         signal = "force" if test.base is None else "base"
         findings.append(Finding("not-recorded", "warning", names={"signal": signal, **by}))
     surface = ResponseSurface(

@@ -284,7 +284,8 @@ class MeasuredTest(PlannedTest):
             what = "force" if self.base is None else "base"
             if not self.driven and not self.level.known:
                 yield "level", f"is missing; without a {what} value, values, column or name is needed"
-            if not self.driven and (self.level.labels or self.control == "response"):
+            held = self.control == "response" and not self.per_force
+            if not self.driven and (self.level.labels or held):
                 yield "level", f"stands for the {what}, which was not recorded; it must be an amount of it"
             needed = f"give {AMPLITUDES}; 'samples' is for time histories"
         else:

@@ -345,7 +345,8 @@ class Findings:
             found.append(Finding("not-calibrated", "info"))
         found += self._exclusions()
         found += self._release()
-        found += limit_findings(self.surface.findings, self.fit)
+        if not self.surface.response_held:
+            found += limit_findings(self.surface.findings, self.fit)
         if not (self.fit.regression.converged or misread):
             # where the steps ended says nothing of the best values, nor do the errors there
             said = (("exchanged", "mirror"), ("flat", "flat"))

@@ -285,7 +285,7 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
     """Find responses that end at one largest value, as those of an overloaded sensor do.
 
     Of a record the limit is ``remarked``. In a table equal largest values at neighbouring frequencies show
-    it where they disagree with the law that the others obey: a response that was held obeys it.
+    it where they disagree with the law that the others obey.
     """
     points, miss = fit.problem.observed.points, np.nan_to_num(fit.regression.misfit, nan=np.inf)
     series = {

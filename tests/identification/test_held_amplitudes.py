@@ -48,6 +48,13 @@ def test_two_held_amplitudes_determine_two_stiffnesses(seed):
         assert found[name].identifiable
 
 
+def test_a_response_that_was_held_at_one_amplitude_is_no_end_of_a_range():
+    table = held(1e-4, 1.2e-4, 1.4e-4, 6e-4, seed=0)
+    found = rs.identify(fundamentals(table, table.level + 0j, control="response"), "k*x + c*v", mass=MASS)
+    assert "law-does-not-fit" in codes(found)
+    assert "range-reached" not in codes(found)
+
+
 def joint(amplitude):
     """Return k [N/m] and c [N s/m] at 150 rad/s of a spring, a damper and a Jenkins element that slips."""
     stiffness, slip, found = 14000.0, 2.0, []

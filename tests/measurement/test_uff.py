@@ -114,6 +114,20 @@ def test_a_unit_in_the_case_wins_over_the_file(tmp_path, text, response, said):
     assert codes(surface) == said
 
 
+def test_of_a_response_that_was_held_the_force_is_what_the_level_takes(tmp_path):
+    path = tmp_path / "a.uff"
+    path.write_text(function(ACCELERANCE), encoding="utf-8")
+    case = case_of(path, unit="m/s^2/N")
+    held = {'"1 N"': '"2 mm"', '"measured"': '"measured", control = "response"'}
+    for old, new in held.items():
+        case.write_text(case.read_text().replace(old, new))
+    surface = read(case)
+    np.testing.assert_allclose(accelerance(surface), ACCELERANCE, rtol=PRINTED)
+    np.testing.assert_allclose(surface.amplitude, 2e-3)
+    assert surface.levels.tolist() == [2e-3]
+    assert [finding.names for finding in surface.findings] == [{"signal": "force", "by": "held"}]
+
+
 def test_each_data_set_164_is_for_what_follows_it(tmp_path):
     path, scaled = tmp_path / "a.uff", function(1e3 * ACCELERANCE)
     path.write_text(function(ACCELERANCE) + units(1e3, 1.0, 10) + scaled + units(1.0, 1e-3) + scaled)
