@@ -23,12 +23,20 @@ UNIT_TOLERANCE = 1e-3
 VOLTAGES = ("V", "mV")
 """Units of the output of a sensor before its factor."""
 _ANGLES = {"deg": "deg", "°": "deg", "rad": "rad"}
+RMS = re.compile(r"(?<![a-z])(rms|eff(?!ort|ic))", re.IGNORECASE)
+PEAK = re.compile(r"(?<![a-z-])(peak|pk)(?![- ]?(to|peak|pk))", re.IGNORECASE)
 
 
 def contradiction(file: str, column: str, unit: str, title: str) -> Finding:
     """Say that a column is read in another unit than its title, or the file, names."""
     about = {"file": file, "column": column, "unit": unit, "title": title}
     return Finding("unit-contradicts-title", "doubt", names=about)
+
+
+def scale_doubts(file: str, title: str, scale: str) -> list[Finding]:
+    """Find that amplitudes are read as "peak" or "rms", their ``scale``, and the title says the other."""
+    other, word = ("rms", RMS) if scale == "peak" else ("peak", PEAK)
+    return [contradiction(file, title, f"{scale} amplitudes", other)] if word.search(title) else []
 
 
 def column_read_in(address: int | str, unit: str) -> str:
@@ -60,6 +68,8 @@ def unit_doubts(
     target = test.unit_of(channel)
     for column in channel.columns:
         called = titles.get(column, "")
+        if channel.samples is None and not test.per_force:
+            found += scale_doubts(file, called, channel.scale)
         name, unit = split_title(called)
         read_as = channel.unit or unit
         # a unit that the case leaves to the file is that of the title; a row of units may have added another

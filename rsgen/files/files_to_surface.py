@@ -36,6 +36,7 @@ from rsgen.files.column_titles import (
     column_read_in,
     contradiction,
     is_angular,
+    scale_doubts,
     split_title,
     unit_in,
 )
@@ -219,14 +220,19 @@ def _level_factor(test: MeasuredTest, unit: str) -> float:
 def _level_doubts(test: MeasuredTest, table: Table) -> list[Finding]:
     """Find that levels are read in another unit than the file names for their column."""
     column, read_as = test.level.column, test.level.unit
-    if column is None or read_as is None or test.level.factor != 1 or not test.calibrated:
+    if column is None or test.level.factor != 1 or not test.calibrated:
         return []
+    doubts = (
+        [] if test.level.labels else scale_doubts(table.label, table.names.get(column, ""), test.level.scale)
+    )
+    if read_as is None:
+        return doubts
     unit = table.units.get(column, "")
     said, read = (sensor_size(one, test.level_unit) for one in (unit, read_as))
     # of a label, or of another dimension, as above
     if said is None or read is None or abs(said - read) <= UNIT_TOLERANCE * read:
-        return []
-    return [contradiction(table.label, table.names.get(column) or str(column), read_as, unit)]
+        return doubts
+    return [*doubts, contradiction(table.label, table.names.get(column) or str(column), read_as, unit)]
 
 
 def _hertz(test: MeasuredTest, table: Table) -> tuple[float, list[Finding]]:

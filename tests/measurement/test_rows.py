@@ -68,6 +68,17 @@ def test_names_and_units_that_skip_passes_over_count_all_the_same(tmp_path, skip
     assert read_planned(path, "f_Hz", "F_N", 3, **shape).amplitude[0] == pytest.approx(3e-3)
 
 
+@pytest.mark.parametrize(("title", "scale", "doubted"), [
+    ("Weg_eff/mm", "peak", True), ("x rms [mm]", "peak", True), ("x_peak [mm]", "rms", True),
+    ("Weg_eff/mm", "rms", False), ("x [mm]", "rms", False), ("x effort", "peak", False),
+    ("x peak-to-peak", "rms", False),
+])  # fmt: skip
+def test_amplitudes_that_a_title_says_to_be_others_are_doubted(tmp_path, title, scale, doubted):
+    path = table(tmp_path, f"f_Hz,F_N,{title}")
+    response = Channel(amplitude=title, unit="mm", scale=scale)
+    assert doubts(read_planned(path, response=response)) == ["unit-contradicts-title"] * doubted
+
+
 @pytest.mark.parametrize(("title", "unit", "quantity", "doubted"), [
     ("a [g]", "m/s", "velocity", True), ("H (m/s2/N)", "m", "displacement", True),
     ("a [m/s^2]", "m/s^2", "acceleration", False), ("tip (t)", "m", "displacement", False),

@@ -87,8 +87,6 @@ QUOTIENT = _named(
     r"receptance|mobility|accelerance|inertance|compliance|frf|^h(_|$|\d|\()|/\s?f\Z"
     r"|(frequency|freq\.?) response|transfer function|frequenzgang|übertragungsfunktion"
 )
-RMS = re.compile(r"(?<![a-z])(rms|eff)", re.IGNORECASE)
-PEAK = re.compile(r"(?<![a-z-])(peak|pk)(?![- ]?(to|peak|pk))", re.IGNORECASE)
 DECIBEL = re.compile(r"(?<![a-z\d])db(?![a-z])", re.IGNORECASE)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from rsgen.common.errors import listed
 from rsgen.data.record_set import QUANTITIES
-from rsgen.files.column_titles import VOLTAGES
+from rsgen.files.column_titles import PEAK, RMS, VOLTAGES
 from rsgen.files.inspection import clues
 from rsgen.files.inspection.runs import Runs, choose_runs, is_frequency
 from rsgen.files.inspection.sensors import (
@@ -206,9 +206,9 @@ def _write_level(draft: _Draft, level: Entry | None, driven: bool, runs: Runs) -
     if not table:
         return
     title = "" if level is None else clues.called(level)
-    if draft.tables["test.response"].get("per_force") and not clues.PEAK.search(title):
+    if draft.tables["test.response"].get("per_force") and not PEAK.search(title):
         # amounts alone follow from it, so that no mass or fit would show a wrong one
-        table["scale"] = "rms" if clues.RMS.search(title) else "peak"
+        table["scale"] = "rms" if RMS.search(title) else "peak"
         if table["scale"] == "peak":
             draft.doubts["test.level.scale"] = _SCALE
     draft.tables["test.level"] = table
@@ -516,9 +516,9 @@ def _columns(draft: _Draft, sensor: Sensor, place: str) -> dict[str, Any]:
     if "amplitude" in table or "complex" in table:
         if main.scale == "half-peak":
             table["factor"] = 2.0
-        elif clues.RMS.search(f"{clues.called(main)} {main.remark}") and main.scale in ("", "rms"):
+        elif RMS.search(f"{clues.called(main)} {main.remark}") and main.scale in ("", "rms"):
             table["scale"] = "rms"
-        elif "amplitude" in table and not (_is_quotient(main) or main.scale or clues.PEAK.search(main.title)):
+        elif "amplitude" in table and not (_is_quotient(main) or main.scale or PEAK.search(main.title)):
             table["scale"] = "peak"
             draft.doubts[f"{place}.scale"] = _SCALE
     if sensor.doubt:
