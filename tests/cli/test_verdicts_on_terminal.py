@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from rsgen.app.cli import progress_bar
 from rsgen.app.cli.run_command import exit_code
 from rsgen.app.study.run_case import CaseRun
 from rsgen.common.finding import Finding, Verdict, reasons_of
@@ -69,12 +68,3 @@ def test_every_command_says_the_same_of_a_measured_test(old, new, state, decided
     said = zip(written["findings"], written["warnings"], strict=True)
     warned = [text for finding, text in said if finding["severity"] == "warning"]
     assert all(f"  warning: {text}" in answer.out for text in warned[:5])
-
-
-def test_many_warnings_of_a_run_are_not_all_printed():
-    warned = tuple(f"  warning: {number}" for number in range(7))
-    verdict = state_verdict(Verdict("identified", (), None))
-    run = CaseRun(Path("a.toml"), "a", verdict=verdict, warned=warned, warnings=7, notes=1)
-    lines = progress_bar._lines(run, values=True)
-    assert [line for line in lines if "warning: " in line] == list(warned[:5])
-    assert "  2 more warnings and 1 note in report.html" in lines

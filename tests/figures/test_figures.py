@@ -47,14 +47,6 @@ def drawn(name: str) -> tuple[Drawing, bytes]:
     return drawing, drawing.render("svg")
 
 
-def test_the_damping_force_is_drawn_up_to_the_largest_velocity_of_the_test():
-    axes = drawn("forces")[0].figure.axes[1]
-    largest = max(np.max(np.abs(line.get_xdata())) for line in axes.lines)
-    tested = 2 * np.pi * np.max((SURFACE.amplitude * SURFACE.frequency)[SURFACE.settled])
-    assert largest * figures.choose_scale([tested], "m/s").factor == pytest.approx(tested, rel=1e-3)
-    assert tested < 0.95 * 2 * np.pi * SURFACE.amplitude.max() * SURFACE.frequency.max()
-
-
 def test_a_first_order_value_that_is_not_determined_has_no_predicted_bias():
     (first, *others), biases = IDENTIFICATION.first_order, IDENTIFICATION.first_order_bias
     unknown = replace(first, value=np.nan, standard_error=np.inf)
@@ -180,14 +172,6 @@ def test_responses_show_the_band_and_the_levels_that_were_asked_for():
         assert axes.get_ylim()[1] > 1e3 * peak
         begins = max(patch.get_y() for patch in axes.patches if patch.get_y())
         assert begins == pytest.approx(1e3 * SURFACE.amplitude[SURFACE.settled].max())
-
-
-def test_points_that_no_law_explains_do_not_scale_the_collapse():
-    damping = np.array(IDENTIFICATION.curve.damping)
-    damping[: len(damping) // 50 + 1] = -40 * C1
-    lost = replace(IDENTIFICATION, curve=replace(IDENTIFICATION.curve, damping=damping))
-    low, _ = figures.draw_collapse(lost).figure.axes[1].get_ylim()
-    assert low > -C1
 
 
 def test_no_movement_of_the_resonance_is_stated_where_the_band_ends_before_it():

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from rsgen.common.errors import RsgenError
-from rsgen.dynamics import kernel as kernels
 from rsgen.dynamics.kernel import compile_kernel, load_kernel
 from rsgen.dynamics.kernel_source import generate, parameter_order
 from rsgen.formula.names import symbol
 from rsgen.formula.reading import parse
-from rsgen.law.memory import with_memory
 from rsgen.law.normal_form import normal_form
 
 # the same arithmetic in another order
@@ -155,18 +153,3 @@ def test_friction_holds_a_mass_where_its_spring_has_left_it():
         np.array([1.0, 2.0, 1.0]), steps=2000, periods=1,
     )  # fmt: skip
     assert moved.state[:, 0] == pytest.approx([0.3, 0.0], abs=1e-3)
-
-
-def test_lanes_without_a_point_are_never_looked_at():
-    # next to states friction is looked at in every step that it holds: a sweep took ten times as long
-    law = parse("k*x + F_f*sign(v)") + with_memory(parse("-drive"), {"drive": "-w*other", "other": "w*drive"})
-    values = {"k": 6000.0, "F_f": 0.5, "w": 50.0}
-    kernel = compile_kernel(law, values=values)
-    state = np.zeros((kernel.rows.count, 2))
-    state[2] = 1.0, 2.0
-    ordered = np.array([values[name] for name in kernel.parameters])
-    omega = np.full(2, 2e4)
-    kernel.integrate(np.arange(2), state, np.zeros((2, 2)), omega, 1.5, ordered, steps=16, periods=1)
-    lanes = kernels._work()[: 13 * 64].reshape(13, 64)  # FLAG, LOWEST, HIGHEST, HELD are rows 9 to 12
-    assert np.count_nonzero(lanes[9]) <= 2
-    assert np.count_nonzero(lanes[12] >= 0) <= 2

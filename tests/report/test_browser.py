@@ -92,15 +92,3 @@ def test_page_is_quiet_and_fits_and_axe_finds_nothing(chromium, pages, name):
     assert set(seen["axe"].values()) <= {"[]"}, seen["axe"]
     if not AXE.is_file():
         pytest.skip("no axe-core here: pages were not judged; make test-all fetches it with npm")
-
-
-def test_a_phone_reads_the_index_from_top_to_bottom(chromium, pages):
-    async def visit(page: Page) -> list[list[float]]:
-        await page.show(pages["index"].as_uri(), PHONE)
-        shown = "[...row.querySelectorAll('td:not(.optional)')].map(cell => cell.getBoundingClientRect().top)"
-        rows = f"[...document.querySelectorAll('#table tbody tr')].map(row => {shown})"
-        return list(await page.ask(rows))
-
-    for parameter, true, first_order, refined, verdict in in_browser(chromium, visit):
-        assert abs(verdict - parameter) < 8
-        assert parameter < true < first_order < refined

@@ -7,7 +7,6 @@ import sys
 from ast import literal_eval
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import nbformat
 import numpy as np
@@ -21,12 +20,10 @@ from rsgen.app.study.many_cases import run_cases
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
-from tests.programs import python
 from tests.report.test_report import hostile_titles
 from tests.samples import cubic_case
 from tests.surfaces import MASS, changed, model, surface
 
-CASES = sorted(Path(__file__).parents[2].joinpath("cases").glob("*.toml"))
 SPRING = {
     "title": "Hardening spring <b>, $x$, [c](javascript:alert(1))", **CUBIC, "truth.c": 3.8,
     "test.level": {"start": 1, "stop": 8, "count": 3},
@@ -107,17 +104,6 @@ def test_only_the_public_interface_is_called():
         elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") in ("rsgen", "figures"):
             module = rsgen if node.value.id == "rsgen" else rsgen.figures
             assert node.attr in module.__all__
-
-
-@pytest.mark.slow
-def test_ruff_has_nothing_to_say(tmp_path):
-    for path in CASES:
-        notebook = build_notebook(rsgen.load_case(path), loops=True, held_out=True)
-        nbformat.write(notebook, tmp_path / f"{path.stem}.ipynb")
-    for words in (("check",), ("format", "--diff")):
-        # as it is out of the box, not as this project sets it
-        done = python("-m", "ruff", *words, "--isolated", tmp_path)
-        assert done.returncode == 0, done.stdout + done.stderr
 
 
 def outputs(notebook: nbformat.NotebookNode) -> dict[str, list[nbformat.NotebookNode]]:

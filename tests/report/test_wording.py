@@ -13,7 +13,7 @@ import pytest
 
 import rsgen
 from rsgen.common.finding import Finding, Quantity, earlier_codes
-from rsgen.report.sentences import _PART, CODES, NEXT_STEPS, _holds, _Number, next_step, sentence
+from rsgen.report.sentences import _PART, CODES, NEXT_STEPS, _Number, next_step, sentence
 
 PACKAGE = Path(rsgen.__file__).parent
 
@@ -99,14 +99,6 @@ def test_an_unknown_code_is_shown_as_data():
 def test_a_sentence_has_the_parts_whose_conditions_hold(numbers, by, said):
     numbers, names = {"excluded": 3, "points": 9, **numbers}, {"by": by} if by else {}
     assert said in sentence(Finding("points-excluded", "info", "", numbers, names))
-
-
-@pytest.mark.parametrize(("conditions", "holds"), [
-    ("share", True), ("share!", False), ("other", False), ("other!", True), ("by=phase", True),
-    ("by!=phase", False), ("other!=phase", True), ("share=0", True), ("severity=doubt,by!", False),
-])  # fmt: skip
-def test_conditions_ask_for_names_numbers_and_severity(conditions, holds):
-    assert _holds(Finding("a", "doubt", "", {"share": 0.0}, {"by": "phase"}), conditions) is holds
 
 
 def test_shares_beyond_all_reason_are_one_power_of_ten():

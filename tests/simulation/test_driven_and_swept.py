@@ -82,12 +82,3 @@ def test_errors_of_sweeps_and_decays_are_as_large_as_the_scatter():
     size = {kind: float(np.sqrt(np.mean(np.square(missed)))) for kind, missed in deviations.items()}
     assert all(0.6 < rms < 1.4 for rms in size.values()), size
     assert 0.88 < inside < 0.99, inside
-
-
-def test_a_sweep_up_and_down_reports_its_progress_from_nothing_to_all():
-    shares: list[float] = []
-    rs.simulate(CUBIC, rs.SweepTest([1, 2], (8, 14), duration=12, rate=2000), progress=shares.append)
-    assert shares[0] == 0
-    assert shares == sorted(shares)
-    assert 0.5 in shares
-    assert 0.5 < shares[-1] < 1
