@@ -13,10 +13,6 @@ import rsgen
 from tests.programs import python
 
 ROOT = Path(rsgen.__file__).parent
-PACKAGES = (
-    "analysis", "app", "cases", "common", "data", "describing", "dynamics", "files", "formula",
-    "identification", "law", "report",
-)  # fmt: skip
 LONGEST = 600
 """Lines of a file; what needs more is more than one idea."""
 
@@ -51,12 +47,6 @@ def test_no_modules_import_each_other_in_a_circle():
     one, other = next((name, other) for name, found in graph.items() for other in found)
     with pytest.raises(CycleError):
         TopologicalSorter(graph | {other: graph[other] | {one}}).prepare()
-
-
-def test_the_top_of_the_package_is_a_table_of_contents():
-    there = {path.name for path in ROOT.iterdir() if path.is_dir() and any(path.rglob("*.py"))}
-    assert sorted(there) == sorted(PACKAGES)
-    assert {path.stem for path in ROOT.glob("*.py")} == {"__init__", "__main__", "figures", "history"}
 
 
 def test_a_file_has_one_idea_and_a_name_of_its_own():

@@ -152,32 +152,6 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(tmp_path, number, begun, 
     assert len(left) < 2
 
 
-INTERRUPTED = """
-import os, signal, time
-import rsgen.app.cli
-from rsgen.app.cli import application
-
-class Interrupts:
-    def __del__(self):
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.1)
-
-def run(**arguments):
-    Interrupts()
-    for _ in range(200):
-        time.sleep(0.1)
-
-application.application = run
-rsgen.app.cli.main()
-"""
-
-
-@posix
-def test_an_interrupt_in_a_finalizer_ends_the_run_with_one_sentence():
-    run = python("-c", INTERRUPTED, timeout=60)
-    assert (run.returncode, run.stderr) == (130, "rsgen: interrupted; nothing half-written was left\n")
-
-
 SOUND = "frequency [Hz],F [N],x [m],phase [deg]\n9,1,2e-3,10\n10,1,4e-3,90\n11,1,1e-3,170\n"
 HEAVY = "matplotlib numba scipy.linalg scipy.optimize scipy.stats h5py pint concurrent.futures.process"
 
