@@ -1,11 +1,8 @@
 """The notebook: what comes from files is literal or prose, calls are public, failures are saved."""
 
 import ast
-import inspect
 import json
-import sys
 from ast import literal_eval
-from collections import Counter
 from dataclasses import replace
 
 import nbformat
@@ -16,7 +13,6 @@ from hypothesis import strategies as st
 from nbclient import NotebookClient
 
 import rsgen
-from rsgen.app.study.many_cases import run_cases
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
@@ -134,33 +130,6 @@ def test_the_run_and_a_kernel_of_its_own_give_the_same_notebook(tmp_path, monkey
     assert str(comparison) == outputs(run)["comparison"][-1]["data"]["text/plain"]
     kinds = {output.get("name", output.output_type) for cell in outputs(run).values() for output in cell}
     assert kinds == {"stdout", "execute_result"}
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("few_laws")
-@pytest.mark.parametrize("model", ["declared", pytest.param("rank", marks=pytest.mark.thorough)])
-def test_a_run_loads_computes_and_draws_once(model, tmp_path):
-    # a ranking has no parameters to accept
-    unknown = {key: value for key, value in SPRING.items() if not key.startswith("accept")}
-    path = write_small(tmp_path, changes=SPRING if model == "declared" else unknown | {"model": "rank"})
-    functions = [rsgen.load_case, rsgen.simulate, rsgen.identify, rsgen.rank, rsgen.predict, rsgen.compare]
-    functions += [getattr(rsgen.figures, name) for name in rsgen.figures.__all__ if name.startswith("draw_")]
-    codes = {inspect.unwrap(function).__code__: function.__name__ for function in functions}
-    calls = Counter[str]()
-
-    def count(frame, event: str, _: object) -> None:
-        if event == "call" and frame.f_code in codes:
-            calls[codes[frame.f_code]] += 1
-
-    sys.setprofile(count)
-    try:
-        (run,) = run_cases([path], tmp_path / "out", workers=1)
-    finally:
-        sys.setprofile(None)
-    assert run.faults == ()
-    assert {"load_case", "simulate", "identify", "predict", "compare", "draw_collapse"} <= set(calls)
-    assert ("rank" in calls) is (model == "rank")
-    assert {name: number for name, number in calls.items() if number != 1} == {}
 
 
 def test_failed_notebook_is_saved_and_says_which_cell(tmp_path):
