@@ -372,6 +372,9 @@ class Printer(ABC):
     def number(self, number: sympy.Rational) -> str:
         """A positive integer or decimal."""
 
+    def _factor(self, factor: sympy.Expr) -> str:
+        return self.number(factor) if factor.is_Rational else self.write(factor, Level.POWER)
+
     @abstractmethod
     def juxtaposed(self, pieces: Sequence[str]) -> str:
         """The product of written pieces, none of which is a sum."""
@@ -428,9 +431,6 @@ class TextPrinter(Printer):
             for end in range(len(digits), 0, -MAX_DIGITS)
         ]
         return f"({' + '.join(f'{group}e{place}' for group, place in reversed(groups) if group)})"
-
-    def _factor(self, factor: sympy.Expr) -> str:
-        return self.number(factor) if factor.is_Rational else self.write(factor, Level.POWER)
 
     def juxtaposed(self, pieces: Sequence[str]) -> str:
         """a*b."""

@@ -130,9 +130,6 @@ class _LatexPrinter(Printer):
             text += (" " if _CLOSE.match(before) and _CLOSE.match(piece) else r"\,") + piece
         return text
 
-    def _factor(self, factor: sympy.Expr) -> str:
-        return self.number(factor) if factor.is_Rational else self.write(factor, Level.POWER)
-
     def _factors(self, factors: Sequence[sympy.Expr]) -> str:
         if len(factors) == 1 and not factors[0].is_Rational:
             return self.write(factors[0])

@@ -121,17 +121,14 @@ def write_report(
     require(folder, (str, Path), "folder")
     require(surface, (ResponseSurface, MultisineSpectra), "surface")
     require(identification, Identification, "identification")
-    if comparison is None and case is not None:
-        known = case.with_model(identification.model_given)
-        comparison = compare(identification, known.truth, known.accept)
-    elif comparison is None:
-        comparison = compare(identification)
     started = time.perf_counter()
     place = _make_folder(Path(folder))
     if case is not None:
         subject = Subject.of_case(case, identification)
     else:
         subject = Subject.of_result(identification, place.resolve().name, title, source)
+    if comparison is None:
+        comparison = compare(identification, subject.truth, None if case is None else case.accept)
     spent = dict(durations or {})
     save_records(surface, place)
     if not identification.model.force.has(Structural):

@@ -27,8 +27,8 @@ def identify_command(case: OneCase, data: Data = None, json: Json = False) -> in
         identification = identify_case(loaded, tested, note)
         note("prediction", 0.0)
         # as a run of the case would, with its truth
-        truth = loaded.with_model(identification.model_given).truth
-        comparison = compare(identification, truth, loaded.accept)
+        subject = Subject.of_case(loaded, identification)
+        comparison = compare(identification, subject.truth, loaded.accept)
         prediction = predict_shown(tested, identification)
         verdict = verdict_of(identification, comparison, prediction)
     findings = all_findings(identification, prediction)
@@ -49,10 +49,7 @@ def identify_command(case: OneCase, data: Data = None, json: Json = False) -> in
     # as print(found) shows it; verdict and findings stand around it
     table = identification.table
     law = table.caption.partition("\n")[2]
-    notes = (
-        *table.notes[:1],
-        *mass_lines(identification, rms=Subject.of_case(loaded, identification).scale_is_sure),
-    )
+    notes = (*table.notes[:1], *mass_lines(identification, rms=subject.scale_is_sure))
     terminal.print_block("", str(replace(table, caption=law, notes=notes)))
     terminal.print_line(sentence(identification.outcome))
     for line in held_out_lines(identification.held_out, verdict.usable):
