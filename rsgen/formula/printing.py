@@ -235,7 +235,8 @@ class Printer(ABC):
         if expr.is_Add and level <= Level.SUM:
             below = common_denominator(expr)
             if below != 1 and decimal_text(sympy.Rational(1, below)) is None:
-                return self.shared(expr * below, sympy.Integer(below))
+                # above one fraction line
+                return self.quotient([expr * below], [sympy.Integer(below)])
         return self.parenthesised(text) if own < level else text
 
     def form(self, expr: sympy.Basic) -> tuple[str, Level]:
@@ -382,10 +383,6 @@ class Printer(ABC):
     @abstractmethod
     def quotient(self, above: Sequence[sympy.Expr], below: Sequence[sympy.Expr]) -> str:
         """Factors above and below a fraction line; both may be empty."""
-
-    def shared(self, above: sympy.Expr, below: sympy.Integer) -> str:
-        """A sum above one fraction line."""
-        return self.quotient([above], [below])
 
     @abstractmethod
     def power(self, base: sympy.Expr, exponent: sympy.Expr) -> tuple[str, Level]:

@@ -8,7 +8,7 @@ import pytest
 import rsgen as rs
 from rsgen.data.oscillator import Model
 from rsgen.law.motion import Motion, project
-from rsgen.report.figures.equivalent import loop_force, mass_of, measured_energy, measured_loops
+from rsgen.report.figures.equivalent import evaluated, loop_force, mass_of, measured_energy, measured_loops
 
 M, KT, FS = 1.5, 4e4, 8.0
 SLIP = FS / KT
@@ -89,3 +89,10 @@ def test_a_loop_of_dry_friction_does_not_lean():
         middle = np.abs(x) < 0.3 * x.max()
         lean = np.polyfit(x[middle & (force > 0)], force[middle & (force > 0)], 1)[0] * x.max() / force.max()
         assert abs(lean) < 0.05
+
+
+def test_a_loop_that_is_not_known_at_large_motion_is_drawn_at_small_motion():
+    fast = rs.make_element("joint", "k*x + z", {"z": "s*v*(1 - z*sign(v)/Fc)"})
+    sizes, values = np.array([1e-4, 1.0]), {"k": 1e4, "s": 1e7, "Fc": FS}
+    found = evaluated(rs.derive(fast), sizes, np.full(2, 60.0), values)
+    assert np.isfinite(found.stiffness).tolist() == [True, False]
