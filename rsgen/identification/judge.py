@@ -22,7 +22,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import nan
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,7 +106,7 @@ from rsgen.identification.soundness import (
     shown_by_few,
     sign_findings,
 )
-from rsgen.identification.starting.start import with_phases
+from rsgen.identification.starting.start import Table, with_phases
 from rsgen.identification.terms import alternatives_to, stop_findings
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
@@ -452,9 +451,6 @@ class Findings:
 def _run_of(points: Points, resonance: Resonance) -> NDArray[np.bool_]:
     """(n,) points of the run of a resonance."""
     return np.asarray((points.level == resonance.level) & (points.sweep == resonance.sweep))
-
-
-Table = TypeVar("Table", Points, ResponseSurface)
 
 
 def judge(test: Prepared, model: Model, refined: Fit) -> Identification:

@@ -210,11 +210,8 @@ def _cause(
     enough = (1 - MIN_MISFIT_REDUCTION) * misfit
     # on as many points as were fitted
     more = MIN_SIGNIFICANT_GAIN / min(fit.regression.freedom, 2 * SUBSAMPLE_POINTS)
-    alike = [
-        name
-        for name in by_term
-        if name not in (MIRRORED, term) and by_term[name] ** 2 < (1 + more) * left_by_term**2
-    ]
+    rivals = [name for name in by_term if name not in (MIRRORED, term)]
+    alike = [name for name in rivals if by_term[name] ** 2 < (1 + more) * left_by_term**2]
     if term != MIRRORED and alike:
         names["also"] = listed(alike)
     if not (only_terms or left_by_term < enough):

@@ -18,7 +18,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import isfinite, nan
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,17 +49,6 @@ MIN_LIKELIHOOD = 1e-3
 
 _INTERVALS_BELOW = 2
 """Intervals below the tested amplitudes, for points that determine the background only."""
-
-_Trial = TypeVar("_Trial")
-
-
-def likely(priced: list[tuple[float, _Trial]]) -> list[tuple[float, _Trial]]:
-    """Return the likely trials with Akaike weights exp(-AIC/2) of sum one."""
-    least = min(price for price, _ in priced)
-    weighted = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
-    weighted = [entry for entry in weighted if entry[0] > MIN_LIKELIHOOD]
-    total = sum(weight for weight, _ in weighted)
-    return [(weight / total, trial) for weight, trial in weighted]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

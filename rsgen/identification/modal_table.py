@@ -65,6 +65,7 @@ from rsgen.identification.fitting.points import (
 )
 from rsgen.identification.fitting.repeats import gather_repeats
 from rsgen.identification.modal_result import (
+    MIN_LIKELIHOOD,
     ModalSplines,
     ModalTable,
     ModalTest,
@@ -74,7 +75,6 @@ from rsgen.identification.modal_result import (
     gaps_between,
     holes,
     known_columns,
-    likely,
     scattered,
     table_amplitudes,
 )
@@ -231,11 +231,10 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     for place, (_, best) in enumerate(priced):
         orders = best.orders
         if not len(seen.levels):
-            others = _fit_shapes(
-                seen, _averaged_shapes([(price(one, orders), trial(some, one, orders)) for one in shapes])
-            )
+            tried = [(price(one, orders), trial(some, one, orders)) for one in shapes]
+            others = _fit_shapes(seen, _averaged_shapes(tried))
         if len(orders) == 1 or not others or replace(others[0][1], others=others).damped(seen.near):
-            others += _fit_shapes(seen, [one for one in likely(priced[place:]) if one[1].orders != orders])
+            others += _fit_shapes(seen, [one for one in _likely(priced[place:]) if one[1].orders != orders])
             break
     return replace(trial(seen, _next_shape(shape, allowed), orders), others=others)
 
@@ -247,6 +246,15 @@ def _weighted_price(trial: ModeProblem) -> float:
     return trial.price(found.sigma**2 * found.freedom / (found.freedom + used), used)
 
 
+def _likely(priced: list[tuple[float, ModeProblem]]) -> list[tuple[float, ModeProblem]]:
+    """Return the likely trials with Akaike weights exp(-AIC/2) of sum one."""
+    least = min(price for price, _ in priced)
+    weighted = [(float(np.exp(0.5 * (least - price))), trial) for price, trial in priced]
+    weighted = [entry for entry in weighted if entry[0] > MIN_LIKELIHOOD]
+    total = sum(weight for weight, _ in weighted)
+    return [(weight / total, trial) for weight, trial in weighted]
+
+
 def _averaged_shapes(priced: list[tuple[float, ModeProblem]]) -> list[tuple[float, ModeProblem]]:
     """Return the likely of the shapes, which have their AIC or BIC, with their weights.
 
@@ -256,10 +264,10 @@ def _averaged_shapes(priced: list[tuple[float, ModeProblem]]) -> list[tuple[floa
     """
     best = min(priced, key=lambda entry: entry[0])[1]
     if best.basis.degree < _CURVED_DEGREE:
-        return likely(priced)
+        return _likely(priced)
     of_power = [[entry for entry in priced if entry[1].basis.power == power] for power in _POWERS]
     ends = [min(entries, key=lambda entry: entry[0]) for entries in of_power]
-    near = likely([(price / len(one.seen.mode), one) for price, one in ends])
+    near = _likely([(price / len(one.seen.mode), one) for price, one in ends])
     return [(1 / len(near), one) for _, one in near]
 
 

@@ -238,9 +238,8 @@ class _Likelihood:
             sample = law.along(motion.select(np.arange(len(points))[part]), values, samples)
             for i, signal in enumerate([*(sample.by_parameter[p] for p in law.linear), sample.force]):
                 signals = np.broadcast_to(signal, sample.force.shape)
-                found[part, :, i] = (
-                    harmonics_of(signals, max(self._orders) + 1)[:, self._orders] / scale[part]
-                )
+                harmonics = harmonics_of(signals, max(self._orders) + 1)[:, self._orders]
+                found[part, :, i] = harmonics / scale[part]
         flat = found.reshape(-1, found.shape[-1])
         return np.vstack([flat.real, flat.imag])
 
@@ -403,9 +402,8 @@ def _interval(
     stops = [-inf, inf]
     if place in law.nonlinear:
         stops[0 if best > 0 else 1] = 0.0
-    ends = [
-        likelihood.end(place, sign * step, target, stop) for sign, stop in zip((-1, 1), stops, strict=True)
-    ]
+    sides = zip((-1, 1), stops, strict=True)
+    ends = [likelihood.end(place, sign * step, target, stop) for sign, stop in sides]
     # the simulator and the correction of bias move the value, and the interval with it
     moved = float(likelihood.regression.parameters[place]) - best
     (low, least), (high, most) = (np.array(ends) + moved).tolist()
@@ -461,11 +459,9 @@ def _replaced(
 
 def _with_nonlinear(covariance: Array, nonlinear: Sequence[int]) -> list[int]:
     """Return the places of nonlinear parameters, and then of those correlated with one of them."""
-    error = np.sqrt(np.diag(covariance))
+    error, places = np.sqrt(np.diag(covariance)), list(nonlinear)
     with np.errstate(invalid="ignore"):
-        together = np.abs(covariance[:, list(nonlinear)]) > _CORRELATION * np.outer(
-            error, error[list(nonlinear)]
-        )
+        together = np.abs(covariance[:, places]) > _CORRELATION * np.outer(error, error[places])
     others = [place for place in np.flatnonzero(together.any(axis=1)) if place not in nonlinear]
     return [*nonlinear, *map(int, others)]
 

@@ -148,11 +148,12 @@ def exclusion_findings(
         severity, names = ("info", {"jump": where}) if jump else (severity, {"where": where})
     found = [Finding("points-excluded", severity, numbers=numbers, names=names)]
     for rows in points.runs:
-        first, longest = _longest(excluded[rows])
-        lost = int(np.count_nonzero(excluded[rows]))
+        starts, lengths = true_runs(excluded[rows])
+        longest, lost = int(lengths.max(initial=0)), int(np.count_nonzero(excluded[rows]))
         together = longest >= max(_MIN_EXCLUDED_NEIGHBOURS, _MIN_PIECE_OF_RUN * len(rows))
         if together or (lost > _MAX_SINGLE_EXCLUDED and lost > _MAX_EXCLUDED_SHARE_OF_RUN * len(rows)):
-            piece = np.arange(first, first + longest) if together else np.flatnonzero(excluded[rows])
+            piece = np.flatnonzero(excluded[rows])
+            piece = starts[np.argmax(lengths)] + np.arange(longest) if together else piece
             ends = points.omega[rows[piece[[0, -1]]]] / (2 * np.pi)
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(excluded=lost, points=len(rows), together=longest)
@@ -292,11 +293,8 @@ def limit_findings(remarked: Sequence[Finding], fit: Fit) -> list[Finding]:
         unit: points.amplitude * points.omega**order
         for unit, order in zip(QUANTITIES.values(), DERIVATIVE.values(), strict=True)
     }
-    known = [
-        finding.numbers["limit"]
-        for finding in remarked
-        if finding.code == "range-reached" and finding.names["signal"] == "response"
-    ]
+    overloads = (finding for finding in remarked if finding.code == "range-reached")
+    known = [one.numbers["limit"] for one in overloads if one.names["signal"] == "response"]
     if known:
         limit = min(known)
         at = series[limit.unit] > _MIN_CLIPPED_AMPLITUDE * limit.value
@@ -334,15 +332,6 @@ def gain_findings(background: BackgroundTerms, values: Array, variance: Array, m
     return [Finding("gain-may-change", "info", numbers=quantities(change=change, off=change / 2))]
 
 
-def _longest(marks: NDArray[np.bool_]) -> tuple[int, int]:
-    """Where the longest stretch of True begins, and its length."""
-    starts, lengths = true_runs(marks)
-    if not len(starts):
-        return 0, 0
-    longest = int(np.argmax(lengths))
-    return int(starts[longest]), int(lengths[longest])
-
-
 def sign_findings(points: Points, fit: Fit, wider: Array, units: ForceUnits) -> list[Finding]:
     """Find a negative mass, and k(X) or c(X) of elements at one place that are negative where it was tested.
 
@@ -376,12 +365,10 @@ def signs_along(
 
 def feeding_findings(points: Points, fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
     """Find dampers of all parts of a law that feed energy into the motion."""
-    followed = _parts_with_motions(points, fit)
-    return [
-        finding
-        for part, motion in followed
-        for finding in damping_findings(part.law, motion, fit.values[part.parameters], estimates)
-    ]
+    found = list[Finding]()
+    for part, motion in _parts_with_motions(points, fit):
+        found += damping_findings(part.law, motion, fit.values[part.parameters], estimates)
+    return found
 
 
 def _is_active(law: ForceLaw, sample: ForceSample, velocity: Array, values: Array) -> bool:

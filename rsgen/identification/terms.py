@@ -556,12 +556,8 @@ def stop_findings(fit: Fit, units: Mapping[str, str]) -> tuple[Finding, ...]:
     """
     few = fit.select(np.flatnonzero(fit.regression.used))
     problem, law, x = few.problem, few.problem.law, symbol("x")
-    if (
-        records_even(problem)
-        or law.remembers
-        or law.acts_across
-        or not (law.rough and fit.regression.converged)
-    ):
+    plain = law.rough and not (law.remembers or law.acts_across)
+    if records_even(problem) or not (plain and fit.regression.converged):
         return ()
     gaps = {symbol(law.parameters[i]) for i in law.nonlinear}
     stops = sympy.Add(*(p for p in sympy.Add.make_args(law.expression.expand()) if p.free_symbols & gaps))

@@ -244,13 +244,10 @@ class Fit:
         at = forward(self.values, self.mass, points.amplitude)
         size, seen = np.abs(at.force), points.force / points.harmonics[:, 1] * points.amplitude
         # of a law that misses by far no point is near
-        near = (
-            np.abs(at.force - seen)
-            < min(OUTLIER_SIGMAS * self.regression.sigma, RELATIVE_ERROR_DOUBTFUL) * size
-        )
-        return (
-            lost & at.valid & near & ((np.conj(at.force) * at.force_slope).real < MAX_LINEAR_CHANGE * size**2)
-        )
+        most = min(OUTLIER_SIGMAS * self.regression.sigma, RELATIVE_ERROR_DOUBTFUL)
+        near = np.abs(at.force - seen) < most * size
+        at_fold = (np.conj(at.force) * at.force_slope).real < MAX_LINEAR_CHANGE * size**2
+        return lost & at.valid & near & at_fold
 
     def select(self, chosen: NDArray[np.intp]) -> Fit:
         """Take some of the points; what was found from all stays."""
@@ -506,8 +503,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     descent.scale = start.scale if noisy else observed.points.amplitude
     parameters, noise = before.parameters, before.sigma
     nuisance = observed.nuisances(np.abs(drive), np.angle(drive))
-    values, mass, _ = problem.split(parameters)
-    predicted = forward.solve(np.append(values, mass), np.exp(nuisance[:, 0]), accuracy)
+    predicted = forward.solve(parameters[: problem.count], np.exp(nuisance[:, 0]), accuracy)
     if np.count_nonzero(np.isfinite(predicted[:, 1])) < _MIN_SHARE_FOLLOWED * len(drive):
         return None
     rules = _rules(problem, observed.points, steps=_STEPS_KEPT, attainable=_RESOLUTION * accuracy)

@@ -292,9 +292,8 @@ class Simulator(Forward):
     ) -> tuple[ComplexArray, ComplexArray, NDArray[np.bool_]]:
         # the error of the simulation then matters no more than that of the difference
         accuracy = max(self._accuracy, FINITE_DIFFERENCE_STEP**2)
-        by_force = (
-            self.solve(parameters, drive * (1 + FINITE_DIFFERENCE_STEP), accuracy) - base
-        ) / FINITE_DIFFERENCE_STEP
+        more = self.solve(parameters, drive * (1 + FINITE_DIFFERENCE_STEP), accuracy)
+        by_force = (more - base) / FINITE_DIFFERENCE_STEP
         columns = []
         for j, move in enumerate(self._moves):
             trial = np.array(parameters)

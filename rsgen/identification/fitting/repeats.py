@@ -248,11 +248,8 @@ def _groups(surface: ResponseSurface) -> NDArray[np.intp]:
     """Return the number (n,) of the point of each row; a row that has no repeats has its own."""
     order = np.lexsort((surface.frequency, surface.sweep, surface.level))
     frequency, level, sweep = (getattr(surface, name)[order] for name in ("frequency", "level", "sweep"))
-    new = (
-        (np.diff(frequency) > FILE_ROUND_OFF * frequency[1:])
-        | (level[1:] != level[:-1])
-        | (sweep[1:] != sweep[:-1])
-    )
+    rises = np.diff(frequency) > FILE_ROUND_OFF * frequency[1:]
+    new = rises | (level[1:] != level[:-1]) | (sweep[1:] != sweep[:-1])
     group = np.empty(len(surface), dtype=np.intp)
     group[order] = np.concatenate([[0], np.cumsum(new)])
     size = surface.amplitude
@@ -294,9 +291,6 @@ def _outliers(surface: ResponseSurface, group: NDArray[np.intp]) -> NDArray[np.b
         rows = np.flatnonzero(group == name)
         own = ratio[rows]
         distance = np.abs(own - complex(np.median(own.real), np.median(own.imag)))
-        limit = max(
-            _MAX_MEDIAN_DISTANCES * float(np.median(distance)),
-            float(np.quantile(distance, _MIN_SHARE_KEPT)),
-        )
-        far[rows] = distance > limit
+        kept = float(np.quantile(distance, _MIN_SHARE_KEPT))
+        far[rows] = distance > max(_MAX_MEDIAN_DISTANCES * float(np.median(distance)), kept)
     return far

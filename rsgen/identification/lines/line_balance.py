@@ -289,10 +289,8 @@ class Balance:
             return found
         found.values[:] = values
         for i, record in enumerate(along_records(lines, law, values.tobytes(), mass)):
-            periods = [
-                record.period(*pair, lines.law_of(law, i, period))
-                for period, pair in enumerate(zip(spectra.force[i], spectra.response[i], strict=True))
-            ]
+            pairs = enumerate(zip(spectra.force[i], spectra.response[i], strict=True))
+            periods = [record.period(*pair, lines.law_of(law, i, period)) for period, pair in pairs]
             balance = np.stack([period.balance for period in periods])
             slopes = np.stack([period.slopes for period in periods])
             if not spectra.exact[i]:

@@ -545,10 +545,8 @@ class _SampledBalance:
         values = np.zeros(len(self.law.parameters))
         values[list(self.law.nonlinear)] = nonlinear
         sample = self.law.sample(self._x, self._v, self._a, self._step, values)
-        shape = self._x.shape
-        force, *slopes = (
-            np.broadcast_to(part, shape)[self._kept] for part in (sample.force, *sample.by_parameter)
-        )
+        parts = (sample.force, *sample.by_parameter)
+        force, *slopes = (np.broadcast_to(part, self._x.shape)[self._kept] for part in parts)
         matrix = np.stack([*(slopes[i] for i in self.law.linear), *self._columns], axis=1)
         return matrix * self._weight[:, None], (self._right - force) * self._weight
 

@@ -241,10 +241,8 @@ class _Balance:
         if self.rows.sensors or not any(law.remembers for law in self.laws):
             return False
         x, v, a, step = (part[::POINT_STRIDE] for part in self.rows.motion_of(""))
-        samples = [
-            law.sample(x, v, a, step, values[place])
-            for law, place in zip(self.laws, self.places, strict=True)
-        ]
+        laws = zip(self.laws, self.places, strict=True)
+        samples = [law.sample(x, v, a, step, values[place]) for law, place in laws]
         inertia = values[len(self.names) - 1] * np.sqrt(np.mean(a**2) / np.mean(x**2))
         return bool(sum(float(np.mean(sample.by_x)) for sample in samples) < _MIN_STATIC_STIFFNESS * inertia)
 
@@ -493,9 +491,3 @@ def outliers_of(fitted: CandidateFit, noise: Array) -> NDArray[np.bool_]:
     deviation = np.array([deviation_of_median(median) for median in np.median(size, axis=0).tolist()])
     out = np.asarray((size > OUTLIER_SIGMAS * np.maximum(deviation, least)).any(axis=1))
     return out if np.mean(out) <= MAX_SHARE_OF_OUTLIERS_BY_CHANCE else np.zeros_like(out)
-
-
-def simplest_that_ties(found: Sequence[CandidateFit]) -> CandidateFit:
-    """Return the fit with the fewest parameters of those that tie with the first, the best."""
-    tied = (fit for fit in found if fit.bic() - found[0].bic() < STRONG_EVIDENCE)
-    return min(tied, key=lambda fit: len(fit.candidate.values))

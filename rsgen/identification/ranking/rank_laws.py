@@ -45,7 +45,6 @@ from rsgen.identification.ranking.candidate_fit import (
     Round,
     fit_candidate,
     lacks,
-    simplest_that_ties,
     whole_powers,
 )
 from rsgen.identification.ranking.library_sums import Term, whole_name
@@ -282,7 +281,8 @@ def _rounds(test: RankedTest, found: list[CandidateFit], entries: Candidates) ->
             break
         rounds.append(_compare(test, current, entries, found))
         found, name = rounds[-1].found, current.leader.candidate.name
-        first = simplest_that_ties(found)
+        tied = (fit for fit in found if fit.bic() - found[0].bic() < STRONG_EVIDENCE)
+        first = min(tied, key=lambda fit: len(fit.candidate.values))
         if first.candidate.name in (name, *tried) or rounds[-1].systematic_misfit > MISFIT_REJECTED:
             break
         tried.append(name)
@@ -411,12 +411,9 @@ def _ranking(
     rows += [_row(fit, fixed, own=fit.candidate.name == OWN) for fit in last.faulty]
     # what the identification says of the misfit the ranking does not say otherwise; where no law fits, what
     # the data say against themselves may be why
-    doubts = [
-        f
-        for f in (found.findings if found else surface.findings)
-        if f.severity in ("doubt", "error")
-        or {f.code, f.names.get("by")} & {"law-does-not-fit", "even-terms-not-seen", "sensor-offset", "fold"}
-    ]
+    said = found.findings if found else surface.findings
+    codes = {"law-does-not-fit", "even-terms-not-seen", "sensor-offset", "fold"}
+    doubts = [f for f in said if f.severity in ("doubt", "error") or {f.code, f.names.get("by")} & codes]
     if found is None and isinstance(test, PointTest) and test.observed.feeds_exciter:
         doubts.insert(0, Finding("structure-feeds-exciter", "error"))
     if fault is not None:

@@ -196,12 +196,8 @@ class Ranking(Printed):
             against = tuple(f for f in against if _topic(f) not in said)
             # of the best law another ranking is no advice
             names = {"ranked": "best" if self.fits else "none fits"}
-            own = (
-                replace(f, names={**f.names, **names})
-                if f.code in ("law-does-not-fit", "parts-disagree")
-                else f
-                for f in found.findings
-            )
+            codes = ("law-does-not-fit", "parts-disagree")
+            own = (replace(f, names={**f.names, **names}) if f.code in codes else f for f in found.findings)
             self._best.append(replace(found, ranking=self, findings=(*against, *own)))
         return self._best[0]
 
@@ -389,11 +385,9 @@ def order_candidates(
         and any(few < many and worse > NOISE_RATIO_BY_CHANCE * error[i] for i, few in enumerate(count))
         for many, worse in zip(count, error, strict=True)
     ]
-    lowest = min(value for value, last in zip(bic, overfitted, strict=True) if not last)
-    tied = [
-        value - lowest < STRONG_EVIDENCE and not last for value, last in zip(bic, overfitted, strict=True)
-    ]
-
+    every = list(zip(bic, overfitted, strict=True))
+    lowest = min(value for value, last in every if not last)
+    tied = [value - lowest < STRONG_EVIDENCE and not last for value, last in every]
     best = min(np.flatnonzero(tied).tolist(), key=lambda i: (count[i], bic[i]))
     by_bic = sorted(range(len(bic)), key=lambda i: (i != best, not tied[i], overfitted[i], bic[i]))
     return by_bic, lowest, tied
@@ -502,10 +496,9 @@ def symmetry_doubts(
     if current.misfit(ordered[0]).unexplained or not current.rows.odd_alone:
         return []
     if not other:
-        warned = (
-            f for f in (found.findings if found else ()) if f.severity == "warning" and "side" in f.names
-        )
-        return [replace(f, severity="doubt") for f in warned if f.code == "mirror-image-fits"]
+        said = found.findings if found else ()
+        warned = (f for f in said if f.severity == "warning" and f.code == "mirror-image-fits")
+        return [replace(f, severity="doubt") for f in warned if "side" in f.names]
     return [Finding("even-terms-not-seen", "doubt", names={"law": first.label, "other": listed(other)})]
 
 

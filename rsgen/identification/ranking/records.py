@@ -204,7 +204,7 @@ class RecordTest(RankedTest):
             # a linear law would put its misfit into a background
             laws = map(law_of, surrogates(sensors)) if len(self._lines.subtracted) else [linear]
             fits = [self._fit(law) for law in laws]
-        self.first = LineBalance.along(min(fits, key=_misfit))
+        self.first = LineBalance.along(min(fits, key=lambda fit: fit.misfit if fit.mass > 0 else np.inf))
         self._lines = self.first.fit.mode
 
     def without_mean(self) -> RecordTest | None:
@@ -246,8 +246,3 @@ class RecordTest(RankedTest):
             found = replace(candidate, values={**law.named(fit.values), "m": fit.mass})
             leader = fit_candidate(found, rows, self.fixed)
         return None if leader.fault else RecordRound(rows, leader)
-
-
-def _misfit(fit: LineFit) -> float:
-    """Return the misfit relative to the force; infinite with a mass that no structure has."""
-    return fit.misfit if fit.mass > 0 else np.inf
