@@ -50,9 +50,8 @@ def name_fault(name: str) -> str | None:
         return f"{quote(name)} has {len(name)} characters; at most {MAX_NAME} are allowed"
     if not _NAME.match(name):
         allowed = "letters, digits, -, _ and single dots are allowed"
-        as_in = (
-            f"as in {quote(plain)}" if _NAME.match(plain := plain_name(name)) else "a letter or digit first"
-        )
+        plain = plain_name(name)
+        as_in = f"as in {quote(plain)}" if _NAME.match(plain) else "a letter or digit first"
         return f"{quote(name)} is not a plain name; {allowed}, {as_in}"
     if is_device(name):
         return f"{quote(name)} is the name of a device on Windows; choose another name"

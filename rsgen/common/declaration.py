@@ -74,12 +74,9 @@ class Rule:
         kind = "a whole number" if base is int else "a number"
         if self.at_least is not None and self.at_most is not None:
             return f"{kind} from {self.at_least:.10g} to {self.at_most:.10g}"
-        bounds = (("above", self.above), ("of at least", self.at_least), ("below", self.below))
-        known = [
-            f"{word} {bound:.10g}"
-            for word, bound in (*bounds, ("of at most", self.at_most))
-            if bound is not None
-        ]
+        bounds = {"above": self.above, "of at least": self.at_least, "below": self.below}
+        bounds["of at most"] = self.at_most
+        known = [f"{word} {bound:.10g}" for word, bound in bounds.items() if bound is not None]
         return f"{kind} {' and '.join(known)}".rstrip()
 
     def accepts(self, value: object) -> bool:

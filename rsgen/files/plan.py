@@ -320,11 +320,9 @@ class MeasuredTest(PlannedTest):
                 key = "factor" if isinstance(said.factor, str) else "unit" if said.unit else "name"
                 # as it was typed, not as it was read: "g", not "1 standard_gravity"
                 _, typed, wrong = str(fault).partition("' ")
-                advice = (
-                    f'unit = "{LABEL}" where the levels are names, as the volts of a drive'
-                    if name == "level"
-                    else "where the scale is unknown, [identify] calibrated = false"
-                )
+                advice = "where the scale is unknown, [identify] calibrated = false"
+                if name == "level":
+                    advice = f'unit = "{LABEL}" where the levels are names, as the volts of a drive'
                 unit = f"{quote(said.unit)} {wrong}; {advice}"
                 yield f"{name}.{key}", unit if typed and key == "unit" else str(fault)
 

@@ -209,11 +209,8 @@ def _steps_of(history: TimeHistory, band: tuple[float, float] | None, harmonics:
     """Return the steps of a history in the band; refuse one without any."""
     found = [_fit(history, begin, end, omega, harmonics) for begin, end, omega in _stretches(history)]
     low, high = band or (0.0, np.inf)
-    fitted = [
-        s
-        for s in found
-        if s and low * (1 - _MIN_FREQUENCY_CHANGE) <= s.frequency <= high * (1 + _MIN_FREQUENCY_CHANGE)
-    ]
+    low, high = low * (1 - _MIN_FREQUENCY_CHANGE), high * (1 + _MIN_FREQUENCY_CHANGE)
+    fitted = [step for step in found if step and low <= step.frequency <= high]
     if not fitted:
         raise MeasurementError(
             f"{history.label}: no step found in the force{' in the band' if band else ''}: a frequency "
@@ -316,21 +313,15 @@ def _settled_part(
         if middle - first < _MIN_PERIODS * pi / omega:
             break
         refined = refine_frequency(history.reference[first:end], omega, min(orders, _FORCE_HARMONICS))
-        (one, noise_one), (two, noise_two) = (
-            fit_sine(part, refined, orders)
-            for part in (history.response[first:middle], history.response[middle:end])
-        )
+        one, noise_one = fit_sine(history.response[first:middle], refined, orders)
+        two, noise_two = fit_sine(history.response[middle:end], refined, orders)
         size = max(abs(two[1]), _TINY)
         # relative to a response of zero, every change is infinite
         with np.errstate(over="ignore"):
             found = abs(one[1] * np.exp(1j * refined * (middle - first)) - two[1]) / size
             # of two halves that differ by noise alone, the difference has twice the variance of one
-            doubt = (
-                STANDARD_ERRORS_OF_DIFFERENCE
-                * np.hypot(noise_one, noise_two)
-                * np.sqrt(2 / (middle - first))
-                / size
-            )
+            noise = np.hypot(noise_one, noise_two) * np.sqrt(2 / (middle - first))
+            doubt = STANDARD_ERRORS_OF_DIFFERENCE * noise / size
         if found < max(_MAX_SETTLING, doubt):
             return float(found), first, True
         if found < change:

@@ -147,11 +147,8 @@ def _windows(history: TimeHistory, sweep: Sweep, rule: _Rule, orders: int) -> tu
         edges = sorted(law.time_of(f) for f in band)
         begin, end = max(begin, edges[0]), min(end, edges[1])
     if not end > begin:
-        raise MeasurementError(
-            f"{history.label}: the sweep does not pass the band {band[0]:g} to {band[1]:g} Hz"
-            if band
-            else f"{history.label}: the sweep is too short"
-        )
+        fault = f"does not pass the band {band[0]:g} to {band[1]:g} Hz" if band else "is too short"
+        raise MeasurementError(f"{history.label}: the sweep {fault}")
     passed = law.frequency_at(np.array([begin, end]))
     widest = NOISE_WIDTH / WINDOW_PERIODS * float(passed.min())
     if bandwidth is not None and not 0 < bandwidth <= widest:

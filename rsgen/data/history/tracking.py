@@ -163,10 +163,8 @@ def _ridge(history: TimeHistory) -> tuple[Array, Array, NDArray[np.bool_], float
     """Return time [s], frequency [Hz] and significance of the strongest line, and the resolution [Hz]."""
     force = history.reference
     n = len(force)
-    length = max(
-        MIN_SAMPLES,
-        min(n, max(2 * n // _SPECTRA, round(_REFINEMENT_PERIODS * history.rate / _typical(history)))),
-    )
+    wanted = max(2 * n // _SPECTRA, round(_REFINEMENT_PERIODS * history.rate / _typical(history)))
+    length = max(MIN_SAMPLES, min(n, wanted))
     starts = np.linspace(0, n - length, min(_SPECTRA, n - length + 1)).astype(np.int64)
     taper = np.hanning(length + 2)[1:-1]
     frequency, size = np.zeros(len(starts)), np.zeros(len(starts))
@@ -236,11 +234,8 @@ def _goes_on(frequency: Array, before: NDArray[np.intp], after: NDArray[np.intp]
     other = np.polyfit(first, frequency[first], 1)[0]
     moved = abs(slope) * (first[0] - last[-1])
     led_to = start + slope * first[0]
-    return bool(
-        slope * other > 0
-        and abs(frequency[first[0]] - led_to)
-        < max(_MAIN_LOBE_LINES * resolution, _MAX_CURVATURE * float(moved))
-    )
+    most = max(_MAIN_LOBE_LINES * resolution, _MAX_CURVATURE * float(moved))
+    return bool(slope * other > 0 and abs(frequency[first[0]] - led_to) < most)
 
 
 def _first_law(time: Array, frequency: Array, kind: str | None) -> SweepLaw:
@@ -448,9 +443,8 @@ def most_by_pace(
     most = np.full(len(good), _MIN_FREE_CORRECTION)
     for _, chosen, here, size in sweep_by_sweep(parts, steady, good):
         top = chosen[size > HALF_POWER * size.max()]
-        most[here] = max(
-            _MIN_FREE_CORRECTION, _MIN_CORRECTION_RATIO * float(np.median(correction[here][top]))
-        )
+        explained = _MIN_CORRECTION_RATIO * float(np.median(correction[here][top]))
+        most[here] = max(_MIN_FREE_CORRECTION, explained)
     return most
 
 

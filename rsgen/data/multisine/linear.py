@@ -288,9 +288,7 @@ def _of_level(
     shape = _receptance(omega, _mode(omega, crude, np.ones(len(lines)), power))
     receptance, left = _local(lines, force[:, lines] * shape, response[:, lines])
     receptance = receptance * shape
-    everywhere = np.interp(spectra.lines, lines, receptance.real) + 1j * np.interp(
-        spectra.lines, lines, receptance.imag
-    )
+    everywhere = np.interp(spectra.lines, lines, receptance)
     # noise of force and response together: scatter of the periods about Y = G F
     deviation = spectra.response[rows] - everywhere * spectra.force[rows]
     variance = scatter(deviation).mean(axis=0)

@@ -176,10 +176,7 @@ class MultisineSpectra(Records, Printed):
     def exact(self) -> NDArray[np.bool_]:
         """(r,) True where the periods of a record are equal except for round-off: their noise is unknown."""
         pairs = zip(self.noise(), (self.mean_force, self.mean_response), strict=True)
-        small = [
-            np.linalg.norm(own[:, 1:], axis=1) < ROUND_OFF * np.linalg.norm(whole[:, 1:], axis=1)
-            for own, whole in pairs
-        ]
+        small = [rms(own) < ROUND_OFF * rms(whole) for own, whole in pairs]
         return np.asarray(np.logical_and(*small))
 
     @property
@@ -259,7 +256,7 @@ class MultisineSpectra(Records, Printed):
     def table(self) -> TextTable:
         """The table that is printed."""
         lines = self.excited().sum(axis=1)
-        noise = [np.sqrt(0.5 * np.sum(one[:, 1:] ** 2, axis=1)) for one in self.noise()]
+        noise = [rms(one) for one in self.noise()]
         rows = tuple(
             (short(level), str(count), short(force, 3), short(own, 2), short(moved, 3), short(other, 2))
             for level, count, force, own, moved, other in zip(
@@ -297,7 +294,7 @@ def _periods(spectra: ArrayLike, name: str) -> ComplexArray:
     return array if array.ndim == 3 else array[:, None]
 
 
-def rms(spectrum: ComplexArray) -> Array:
+def rms(spectrum: ComplexArray | Array) -> Array:
     """Return the root mean square (...,) of signals without their mean, from spectra (..., H+1)."""
     return np.asarray(np.sqrt(0.5 * np.sum(np.abs(spectrum[..., 1:]) ** 2, axis=-1)))
 

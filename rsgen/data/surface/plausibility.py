@@ -410,16 +410,12 @@ def _scale_findings(
     factors = [(name, by**sign, 0) for name, by in COMMON_FACTORS.items() for sign in (1, -1)]
     units = (1.0, *(by**sign for by in _UNIT_FACTORS.values() for sign in (1, -1)))
     factors += [("quantity", by, order) for order in (-2, -1, 1, 2) for by in units]
-    fits = [
-        _fit(base, by * (1j * omega) ** order * response, absolute, omega, powers, of_law=True)
-        for _, by, order in factors
-    ]
-    limit = _MAX_MISFIT_RATIO * min(misfit, _MAX_MISFIT_RATIO)
-    sound = [
-        (left, *factor)
-        for (left, positive), factor in zip(fits, factors, strict=True)
-        if positive and left < limit
-    ]
+    limit, sound = _MAX_MISFIT_RATIO * min(misfit, _MAX_MISFIT_RATIO), []
+    for name, by, order in factors:
+        moved = by * (1j * omega) ** order * response
+        left, positive = _fit(base, moved, absolute, omega, powers, of_law=True)
+        if positive and left < limit:
+            sound.append((left, name, by, order))
     if not sound:
         return ()
     then, name, by, order = min(sound)

@@ -68,9 +68,8 @@ def _largest_range(surface: ResponseSurface, amount: Array) -> tuple[float, floa
 def control_findings(surface: ResponseSurface) -> list[Finding]:
     """Find that a response varies that should be held, or was held in place of the drive; none or one."""
     held = surface.control == "response"
-    (moved, at), (pushed, under) = (
-        _largest_range(surface, size) for size in (surface.amplitude, surface.drive)
-    )
+    moved, at = _largest_range(surface, surface.amplitude)
+    pushed, under = _largest_range(surface, surface.drive)
     if held and moved > _MIN_RANGE_IF_FREE:
         numbers = {"moved": Quantity(moved), "level": Quantity(at, "m")}
         return [Finding("response-not-held", "doubt", numbers=numbers)]

@@ -56,9 +56,8 @@ def _row_kind(text: str, layout: Layout, full: tuple[bool, ...]) -> str:
     missing = [cell for cell in asked if text_columns.number_in(cell, layout.decimal) is None]
     if not missing:
         return "numbers"
-    return (
-        "gaps" if all(text_columns.MISSING.match(cell) or cell[:1].isalpha() for cell in missing) else "other"
-    )
+    gaps = all(text_columns.MISSING.match(cell) or cell[:1].isalpha() for cell in missing)
+    return "gaps" if gaps else "other"
 
 
 def _judge(lines: Sequence[tuple[int, str]], layout: Layout) -> tuple[int, int, int]:

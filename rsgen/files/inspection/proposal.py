@@ -383,12 +383,9 @@ def _ask_response(draft: _Draft, columns: Sequence[Entry], key: str) -> None:
     called = [(one.path, clues.called(one)) for one in columns]
     names = listed([name if path.endswith(name) else f"{path} ({name})" for path, name in called])
     draft.ask("test.response.unit", "write its unit")
-    draft.ask(
-        f"test.response.{key}",
-        f"write which is the response, its quantity and unit: {names}"
-        if names
-        else "no column is left for the response; where it is in another file, write `file` and its column",
-    )
+    which = f"write which is the response, its quantity and unit: {names}"
+    none = "no column is left for the response; where it is in another file, write `file` and its column"
+    draft.ask(f"test.response.{key}", which if names else none)
     if key == "amplitude":
         draft.tables["test.response"]["scale"] = "peak"
         draft.doubts["test.response.scale"] = _SCALE
