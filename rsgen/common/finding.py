@@ -73,9 +73,8 @@ class Finding:
     def __repr__(self) -> str:
         """Code, severity and data, without a sentence."""
         about = f" {self.parameter}" if self.parameter else ""
-        data = [f"{name} = {value:g} {unit}".rstrip() for name, (value, unit) in self.numbers.items()] + [
-            f"{name} = {text}" for name, text in self.names.items()
-        ]
+        data = [f"{name} = {value:g} {unit}".rstrip() for name, (value, unit) in self.numbers.items()]
+        data += [f"{name} = {text}" for name, text in self.names.items()]
         return f"{self.code}{about} ({self.severity}): {', '.join(data)}".removesuffix(": ")
 
     def __str__(self) -> str:

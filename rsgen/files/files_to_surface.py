@@ -191,7 +191,11 @@ def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
         return np.array(test.level.values)[table.block]
     if test.level.column is None:
         return None
-    level = table.real(test.level.column) * _level_factor(test, table.units.get(test.level.column, ""))
+    factor, unit = test.level_factor, table.units.get(test.level.column, "")
+    if test.level.unit is None and unit and test.calibrated:
+        # a unit of something else, such as the volts of a drive, is passed over: the forces will tell
+        factor *= sensor_size(unit, test.level_unit) or 1.0
+    level = table.real(test.level.column) * factor
     if not test.level.labels:
         table.refuse(level <= 0, "level is not positive; levels above 0 are needed")
     return level
@@ -206,15 +210,6 @@ def _order_of_entries(test: MeasuredTest, table: Table) -> list[Finding]:
             names = {"file": table.label, "entry": name}
             return [Finding("levels-swapped", "doubt", numbers=quantities(level=level), names=names)]
     return []
-
-
-def _level_factor(test: MeasuredTest, unit: str) -> float:
-    """Find what the numbers of the level's column are in N or m; without a unit in the case the file's."""
-    factor = test.level_factor
-    if test.level.unit is None and unit and test.calibrated:
-        # a unit of something else, such as the volts of a drive, is passed over: the forces will tell
-        factor *= sensor_size(unit, test.level_unit) or 1.0
-    return factor
 
 
 def _level_doubts(test: MeasuredTest, table: Table) -> list[Finding]:

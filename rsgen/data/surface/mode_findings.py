@@ -66,27 +66,26 @@ def mode_findings(
     levels where a law fits as they were read (``fits``; None where there is no law). What is known of other
     levels follows from one that was misread, and goes.
     """
-    rows, known = driven_points(surface), list(known)
+    test, known = surface.select(driven_points(surface)), list(known)
     other = surface.decays or np.isfinite(surface.across).any() or surface.control == "phase"
     said = {f.code for f in (*surface.findings, *known) if f.code in _SAID and f.parameter in ("", "m")}
     # an exchange of levels may be what makes the mass negative
-    if said - {"mass-negative"} or other or len(rows) < _MIN_POINTS:
+    if said - {"mass-negative"} or other or len(test) < _MIN_POINTS:
         return known
-    omega, response, level = surface.omega[rows], surface.harmonics[rows, 1], surface.level[rows]
     shaken = surface.base or surface.per_mass
     if not (fits or shaken):
         # any curves are less than a law that is known not to fit, and two levels less than more
         floors = (MISFIT_NEGLIGIBLE, _MISFIT_OF_EXCHANGE, MISFIT_REJECTED)
-        floor = floors[(fits is None) + (len(np.unique(level)) < _MIN_LEVELS)]
-        if swapped := _swapped(surface.force[rows], response, omega, level, floor):
+        floor = floors[(fits is None) + (len(test.levels) < _MIN_LEVELS)]
+        if swapped := _swapped(test, floor):
             return [*known, *swapped]
     inertia = 1.0 if surface.per_mass else nan if mass is None or not surface.base else mass
-    if not fits and (misread := _misread_level(surface.select(rows), inertia)):
+    if not fits and (misread := _misread_level(test, inertia)):
         return [*(one for one in known if one.code not in _OF_LEVELS), *misread]
     if said or shaken:
         return known
-    force, motion = steady(surface.force[rows], response, omega)
-    swapped = exchanged_channels(force, motion, omega, held=surface.response_held)
+    force, motion = steady(test.force, test.harmonics[:, 1], test.omega)
+    swapped = exchanged_channels(force, motion, test.omega, held=surface.response_held)
     return [*known, *(swapped or ([] if mass is None else _of_mass(force, motion, mass)))]
 
 
@@ -105,20 +104,18 @@ def is_beyond_any_law(force: ComplexArray, response: ComplexArray, omega: Array)
     return len(force) >= _MIN_POINTS and misfit > 1 - MIN_MISFIT_REDUCTION
 
 
-def _swapped(
-    force: ComplexArray, response: ComplexArray, omega: Array, level: Array, floor: float
-) -> list[Finding]:
+def _swapped(test: ResponseSurface, floor: float) -> list[Finding]:
     """Find two neighbouring levels with each other's responses per force; the level stands for the force.
 
     The response then seems to grow with the force, so that only the curves k(X) and c(X) show it.
     """
-    levels = np.unique(level)
+    force, response, level, levels = test.force, test.harmonics[:, 1], test.level, test.levels
     if len(levels) < 2 or not np.allclose(np.abs(force), level, atol=0):
         return []
     left = {}
     for low, high in [(levels[0], levels[0]), *pairwise(levels)]:
         by = np.where(level == low, high / low, np.where(level == high, low / high, 1.0))
-        left[low, high] = _typical_misfit(*steady(by * force, by * response, omega))[0]
+        left[low, high] = _typical_misfit(*steady(by * force, by * response, test.omega))[0]
     misfit, (low, high) = left[levels[0], levels[0]], min(left, key=left.__getitem__)
     # virtual tests in order, with noise of 1 % and without, left 0.96 or more when exchanged
     if misfit < floor or left[low, high] > (1 - MIN_MISFIT_REDUCTION) * misfit:
