@@ -39,7 +39,7 @@ from rsgen.common.tolerances import (
     SUBSAMPLE_POINTS,
 )
 from rsgen.data.oscillator import Model, force_units, refuse_across
-from rsgen.data.surface.mode_findings import mode_findings
+from rsgen.data.surface.mode_findings import derivative_findings, mode_findings
 from rsgen.data.surface.plausibility import plausibility_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within
 from rsgen.dynamics.linear_part import background_terms
@@ -354,6 +354,9 @@ class Findings:
             found.append(Finding("not-converged", "doubt", names=names))
         found += misfit_findings(self.surface, self.points, self.fit, wider, self.errors.others)
         found += even_findings(self.fit)
+        if self.surface.decays:
+            used, motion = self.fit.regression.used, self.fit.motion
+            found += derivative_findings(self.points.harmonics[used], motion.harmonics[used])
         found += self.errors.agreement.findings
         found += sign_findings(self.points, self.fit, wider, force_units(self.model, self.surface.units))
         found += phase_findings(self.fit.background)
@@ -434,18 +437,15 @@ class Findings:
 
     def _runs(self) -> list[Finding]:
         """Find runs with few points near their resonance, but of loops, which have few a level."""
-        few = sum(self._near(resonance) < _MIN_POINTS_AT_RESONANCE for resonance in self.resonances)
+        few = 0
+        for resonance in self.resonances:
+            width = max(2 * abs(resonance.damping_ratio), 1e-12) * resonance.frequency
+            near = np.abs(self.points.omega / 2 / np.pi - resonance.frequency) < width
+            few += np.count_nonzero(near & _run_of(self.points, resonance)) < _MIN_POINTS_AT_RESONANCE
         if not few or self.surface.control in ("phase", "continuation"):
             return []
         numbers = quantities(few=few, runs=len(self.resonances), points=_MIN_POINTS_AT_RESONANCE)
         return [Finding("resonance-sparse", "warning", numbers=numbers)]
-
-    def _near(self, resonance: Resonance) -> int:
-        """Points of the run within the width of its resonance."""
-        points = self.points
-        near = _run_of(points, resonance)
-        width = max(2 * abs(resonance.damping_ratio), 1e-12) * resonance.frequency
-        return int(np.count_nonzero(near & (np.abs(points.omega / 2 / np.pi - resonance.frequency) < width)))
 
 
 def _run_of(points: Points, resonance: Resonance) -> NDArray[np.bool_]:

@@ -445,6 +445,19 @@ def test_that_nothing_checks_the_size_of_a_decay_is_said_where_values_depend_on_
     assert shown.endswith("nothing but a title of the column checks, decide k3") is said
 
 
+@pytest.mark.parametrize(("measured", "declared", "order"), [
+    ("displacement", "displacement", []), ("acceleration", "displacement", ["+2"]),
+    ("velocity", "acceleration", ["-1"]),
+])  # fmt: skip
+def test_a_decay_of_another_quantity_is_told_by_its_third_harmonic(measured, declared, order) -> None:
+    history = TimeHistory(RATE, None, decay("cubic", measured), declared)
+    found = rsgen.identify(from_free_decay(history, mass=MASS), "k*x + c*v + k3*x**3", mass=MASS)
+    told = [one for one in found.findings if one.code == "another-quantity"]
+    assert [one.names["is"] for one in told] == order
+    assert all(one["harmonic"] == pytest.approx((-3.0) ** int(one.names["is"]), rel=0.2) for one in told)
+    assert found.verdict.state == ("doubtful" if order else "identified")
+
+
 def test_levels_of_decays_are_labels() -> None:
     both = [TimeHistory(2000, None, dragged(x), "acceleration", level=n) for x, n in ((2.5e-3, 1), (4e-3, 2))]
     surface = from_free_decay(both, mass=0.62)

@@ -1,4 +1,4 @@
-"""Findings by the mode of a test without its law: exchanged levels or channels, a mass in another unit."""
+"""Findings by the mode of a test: exchanged levels or channels, another derivative, another unit of mass."""
 
 from __future__ import annotations
 
@@ -188,6 +188,37 @@ def _exchanged(
         pushed = np.abs(response) * omega**order
         for turn in (phase, -phase - order * pi):
             yield pushed.astype(complex), np.abs(force) / omega**order * np.exp(1j * turn)
+
+
+def derivative_findings(seen: ComplexArray, own: ComplexArray) -> list[Finding]:
+    """Find that a motion is another derivative than it was read as, by its third harmonic and that of a law.
+
+    A derivative has the third harmonic -3 times, relative to the fundamental. Where a law has much of it and
+    where it has little the motion must have nearly the same power of -3 times as much, and little else.
+
+    Parameters
+    ----------
+    seen, own
+        (n, H+1) harmonics of the motion, and of the law's motion at the same amplitudes and phases.
+    """
+    if min(seen.shape[1], own.shape[1]) < 4:
+        return []
+    falling = np.argsort(-np.abs(seen[:, 1]))
+    seen, own = seen[falling, 3], own[falling, 3]
+    power = np.cumsum(np.abs(own) ** 2)
+    half = int(np.searchsorted(power, power[-1] / 2)) + 1
+    parts = (slice(None), slice(half), slice(half, None))
+    with np.errstate(all="ignore"):
+        # NaN where the law has none
+        times = np.array([np.vdot(own[part], seen[part]) / np.vdot(own[part], own[part]) for part in parts])
+        off = {order: np.abs(np.log(times / (-3.0) ** order)) for order in (-2, -1, 1, 2)}
+    order = min(off, key=lambda one: float(off[one][0]))
+    left = np.linalg.norm(seen - times[0] * own) / np.linalg.norm(seen)
+    # within twice that another mode near three times the frequency came in 3 of 720 virtual decays
+    if not (np.all(off[order] < np.log(3) / 4) and left < 1 - MIN_MISFIT_REDUCTION):
+        return []
+    numbers, names = quantities(harmonic=times[0].real), {"is": f"{order:+d}", "sure": "yes"}
+    return [Finding("another-quantity", "doubt", "", numbers, names)]
 
 
 def exchanged_channels(
