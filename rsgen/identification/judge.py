@@ -441,7 +441,7 @@ class Findings:
         for resonance in self.resonances:
             width = max(2 * abs(resonance.damping_ratio), 1e-12) * resonance.frequency
             near = np.abs(self.points.omega / 2 / np.pi - resonance.frequency) < width
-            few += np.count_nonzero(near & _run_of(self.points, resonance)) < _MIN_POINTS_AT_RESONANCE
+            few += int(np.sum(near & _run_of(self.points, resonance)) < _MIN_POINTS_AT_RESONANCE)
         if not few or self.surface.control in ("phase", "continuation"):
             return []
         numbers = quantities(few=few, runs=len(self.resonances), points=_MIN_POINTS_AT_RESONANCE)
