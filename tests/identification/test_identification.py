@@ -247,9 +247,9 @@ def test_more_harmonics_of_a_law_with_memory_are_more_than_those_of_its_corners(
 
 @pytest.mark.slow
 def test_parameters_that_ran_away_are_not_said_to_need_higher_levels_alone():
-    """A Jenkins element is an Iwan joint of chi without end."""
+    """A Jenkins element is an Iwan joint of chi without end; with some noise the fit does not get there."""
     jenkins = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 3e4, "c": 5.0, "kt": 1.4e4, "Fs": 2.0}
-    how = {"method": "harmonic-balance", "noise_relative": 3e-3}
+    how = {"method": "harmonic-balance", "noise_relative": 3e-3, "seed": 5}
     test = simulated(*jenkins, [1, 2, 4, 8], (22, 34, 61), 1.3, **how)
     found = identify(test, f"k*x + c*v + {laws['iwan4'].force}")
     said = {one.name: one.finding for one in found if one.finding}
