@@ -21,6 +21,7 @@ from math import isfinite, nan
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
@@ -264,17 +265,20 @@ class ModalSplines(Brief):
         return k, c, slopes @ self.covariance @ np.swapaxes(slopes, 1, 2)
 
     def through(self, held: Array) -> ModalSplines:
-        """Return splines of steps as lines over ln X through their values at the amplitudes held (l,) [m]."""
+        """Return splines of steps as lines over ln X through their values at the amplitudes held (l,) [m].
+
+        The last line goes on: a corner at the end of the tested amplitudes would be a jump of the response.
+        """
         basis = SplineBasis.steps(held)
         knots = np.concatenate([basis.knots[:1], np.log(held), basis.knots[-1:]])
-        twice = np.pad(np.arange(len(held)), 1, mode="edge")
-        places = np.concatenate([twice + j * len(held) for j in range(1 + len(self.orders))])
-        both = np.append(places, len(self.values))
+        lines = np.eye(len(held))[np.pad(np.arange(len(held)), 1, mode="edge")]
+        lines[-1] += (lines[-1] - lines[-3]) * (knots[-1] - knots[-2]) / (knots[-2] - knots[-3])
+        whole = block_diag(*[lines] * (1 + len(self.orders)), 1.0)
         return replace(
             self,
             basis=SplineBasis(np.pad(knots, 1, mode="edge"), 1, 0),
-            values=self.values[places],
-            covariance=self.covariance[np.ix_(both, both)],
+            values=whole[:-1, :-1] @ self.values,
+            covariance=whole @ self.covariance @ whole.T,
             others=tuple((weight, other.through(held)) for weight, other in self.others),
             held=held,
         )

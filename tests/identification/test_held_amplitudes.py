@@ -84,6 +84,18 @@ def test_the_modal_table_has_a_row_a_level_and_no_course_between_that_it_cannot_
     assert [hole["low"], hole["high"]] == pytest.approx([2e-5, 6e-5], rel=2e-3)
 
 
+def friction(amplitude):
+    """Return k [N/m] and c [N s/m] at 150 rad/s of a hardening spring, a damper and Coulomb friction."""
+    return 30000 + 4e16 * amplitude**4, 5 + 4 * 0.15 / (np.pi * 150 * amplitude)
+
+
+def test_a_curve_that_leaves_the_table_jumps_not_where_the_table_ends():
+    table = rs.modal_table(held(6e-5, 1.5e-4, 3e-4, 5e-4, 7e-4, seed=1, law=friction), mass=MASS)
+    (curve,) = rs.predict(table, 2.0).curves
+    assert curve.rises_at_end
+    assert [jump.sweep for jump in curve.jumps] == ["down"]
+
+
 def test_a_level_held_out_that_leaves_a_hole_in_the_modal_table_is_said():
     test = simulated(LAW, {"k": 6000.0, "k3": 1e5, "c": 4.0}, [1.0, 2.5, 6.0], (8, 12, 60))
     assert "modal-hole" not in codes(rs.modal_table(test))
