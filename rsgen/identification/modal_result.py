@@ -216,25 +216,34 @@ class ModalSplines(Brief):
         """Return k [N/m], c [N s/m] at resonance, each (n,), and the covariance of k, c, m (n, 3, 3).
 
         The spread of the other shapes is added to the covariance of noise: model averaging (Burnham and
-        Anderson, Model Selection and Multimodel Inference, 2002, Sec. 4.3). Half way between levels
-        that were held intervals contain every monotone course.
+        Anderson, Model Selection and Multimodel Inference, 2002, Sec. 4.3).
         """
         k, c, errors = self._evaluate(amplitude)
+        spread = self.spread(amplitude)
+        return k, c, errors + spread @ np.swapaxes(spread, 1, 2)
+
+    def spread(self, amplitude: Array) -> Array:
+        """Return standard errors (n, 3, s) of k, c, m that the points leave open, of s independent causes.
+
+        Half way between levels that were held intervals contain every monotone course.
+        """
+        k, c, _ = self._evaluate(amplitude)
+        causes = [np.zeros((len(k), 3))]
         if len(self.held) > 1:
-            # between two levels k and c may take any course from one value to the other
+            # between two levels k and c may take any course each from one value to the other
             right = np.clip(np.searchsorted(self.held, amplitude), 1, len(self.held) - 1)
             margin = RELATIVE_CHANGE_NEGLIGIBLE * np.array([[1], [-1]])
             ends = np.log(np.stack([self.held[right - 1], self.held[right]])) + margin
             part = np.clip((np.log(amplitude) - ends[0]) / (ends[1] - ends[0]), 0, 1)
             values = np.stack(self._evaluate(self.held)[:2], axis=1)
             course = np.pad(values[right] - values[right - 1], ((0, 0), (0, 1)))
-            errors = errors + (part * (1 - part))[:, None, None] * course[:, :, None] * course[:, None, :]
+            causes += [np.sqrt(part * (1 - part))[:, None] * course * own for own in np.eye(3)[:2]]
         for weight, other in self.others:
             k_other, c_other, _ = other._evaluate(amplitude)
             mass = np.full(len(k), other.mass - self.mass)
             difference = np.nan_to_num(np.stack([k_other - k, c_other - c, mass], axis=1))
-            errors = errors + weight * difference[:, :, None] * difference[:, None, :]
-        return k, c, errors
+            causes.append(weight**0.5 * difference)
+        return np.stack(causes, axis=2)
 
     def damped(self, amplitude: Array) -> bool:
         """Return True if no interval of c at resonance contains zero at some amplitudes (n,) [m]."""
@@ -273,7 +282,7 @@ class ModalSplines(Brief):
         knots = np.concatenate([basis.knots[:1], np.log(held), basis.knots[-1:]])
         lines = np.eye(len(held))[np.pad(np.arange(len(held)), 1, mode="edge")]
         lines[-1] += (lines[-1] - lines[-3]) * (knots[-1] - knots[-2]) / (knots[-2] - knots[-3])
-        whole = block_diag(*[lines] * (1 + len(self.orders)), 1.0)
+        whole = block_diag(*[lines] * (1 + len(self.orders)), np.eye(1))
         return replace(
             self,
             basis=SplineBasis(np.pad(knots, 1, mode="edge"), 1, 0),

@@ -89,11 +89,19 @@ def friction(amplitude):
     return 30000 + 4e16 * amplitude**4, 5 + 4 * 0.15 / (np.pi * 150 * amplitude)
 
 
-def test_a_curve_that_leaves_the_table_jumps_not_where_the_table_ends():
+def test_curves_of_held_amplitudes_know_no_more_than_the_table_between_them_and_no_jump_at_its_end():
     table = rs.modal_table(held(6e-5, 1.5e-4, 3e-4, 5e-4, 7e-4, seed=1, law=friction), mass=MASS)
-    (curve,) = rs.predict(table, 2.0).curves
-    assert curve.rises_at_end
-    assert [jump.sweep for jump in curve.jumps] == ["down"]
+    *inside, beyond = rs.predict(table, [0.55, 0.7, 2.0]).curves
+    assert beyond.rises_at_end
+    assert [jump.sweep for jump in beyond.jumps] == ["down"]
+    size = np.linspace(6e-5, 7e-4, 2000)
+    stiffness, damping = friction(size)
+    omega = np.sqrt(stiffness / MASS)
+    for curve in inside:
+        _, _, low, high = curve.largest
+        peak = np.searchsorted(size * omega * damping, curve.force)
+        assert low < size[peak] < high
+        assert curve.peak_interval[0] < omega[peak] / (2 * np.pi) < curve.peak_interval[1]
 
 
 def test_a_level_held_out_that_leaves_a_hole_in_the_modal_table_is_said():

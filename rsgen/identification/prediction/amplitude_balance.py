@@ -12,12 +12,13 @@ Newton's method in X gives the response.
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cached_property, partial
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import RsgenError
@@ -468,18 +469,21 @@ class SynthesisBalance(AmplitudeBalance):
     def __init__(self, table: ModalTable, frequencies: tuple[float, float]) -> None:
         splines = table.splines
         self._splines, self._mass = splines, splines.mass
-        self._covariance = np.nan_to_num(splines.covariance)
-        self._places = list(range(len(self._covariance)))
-        self._misses = False
-        self._following_mass = np.array(self._places) == (self._places[-1] if table.test.base else -1)
+        spread = splines.spread(np.ones(1))[0, 2]
+        self._covariance = block_diag(np.nan_to_num(splines.covariance), np.eye(len(spread)))
+        self._places, self._misses = list(range(len(self._covariance))), False
+        mass = np.concatenate([np.zeros(len(splines.values)), [1.0], spread])
+        self._following_mass = mass * bool(table.test.base)
         self._least, self._largest = splines.basis.lowest, table.tested[1]
         self._centre = np.pi * sum(frequencies)
 
     def solve(self, size: Array, omega: Array, start: ComplexArray | None = None) -> Response:
         """Force that holds the amplitudes X [m] at the frequencies [rad/s]; both (n,)."""
         splines = self._splines
-        mode = SplineMode(omega, splines.basis, splines.orders)
-        return mode(splines.values, splines.mass, size)
+        at = SplineMode(omega, splines.basis, splines.orders)(splines.values, splines.mass, size)
+        shares = size * np.stack([np.ones(len(omega)), 1j * omega, -(omega**2)])
+        spread = np.einsum("jn,njs->ns", shares, splines.spread(size))
+        return replace(at, force_by=np.concatenate([at.force_by, spread], axis=1))
 
     def travel(self, size: Array, omega: Array, seen: ComplexArray) -> tuple[tuple[float, float], float]:
         """Return NaN: a table has no harmonics."""
@@ -499,20 +503,15 @@ class SynthesisBalance(AmplitudeBalance):
         Where the measured response lies above it, another branch inside is none of that point.
         """
         found = super().respond(mode)
-        size = np.abs(found)
+        size, end = np.abs(found), np.full(len(found), self._least * BEYOND)
+        at = self.solve(end, mode.omega)
         with np.errstate(divide="ignore", invalid="ignore"):
             # k changes by at most its slope by ln X at the lower end, down to rest
             below = np.clip(np.log(self._least / size), 0.0, 1.0)
-            changed = self._drift(mode.omega) * below * size / np.abs(mode.force)
+            changed = np.abs(at.force_slope - at.force) / end * below * size / np.abs(mode.force)
             largest = np.fmax(size, mode.amplitude)
             known = (largest <= BEYOND * self._largest) & (changed < HELD_OUT_ERROR_SMALL)
         return np.where(known, found, np.nan)
-
-    def _drift(self, omega: Array) -> Array:
-        """Return the derivative (n,) of the dynamic stiffness [N/m] by ln X at the lower end of the table."""
-        size = np.full(len(omega), self._least * BEYOND)
-        at = self.solve(size, omega)
-        return np.asarray(np.abs(at.force_slope - at.force) / size)
 
 
 def table_as_identification(table: ModalTable) -> Identification:
