@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Quantity, quantities
-from rsgen.common.tolerances import MISFIT_EXPLAINED, RELATIVE_ERROR_DOUBTFUL, SAMPLES_PER_PERIOD
+from rsgen.common.tolerances import ANY_LAW, MISFIT_EXPLAINED, RELATIVE_ERROR_DOUBTFUL, SAMPLES_PER_PERIOD
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Oscillator
 from rsgen.describing.derivation import derive
 from rsgen.identification.fitting.fit import Fit, Solution
 from rsgen.identification.fitting.points import Points, at_resonance_alone, mass_sure
 from rsgen.identification.fitting.repeats import MIN_JUMP_RATIO
+from rsgen.identification.modal_result import ModalTable
 from rsgen.identification.results import EquivalentCurve, Estimate, Identification, Resonance
 from rsgen.identification.starting.equations import Equations
 from rsgen.identification.starting.start import solve_equations
@@ -295,6 +296,36 @@ def as_identification(oscillator: Oscillator, levels: Sequence[float]) -> Identi
         levels=np.array(levels),
         amplitude_range=amplitudes,
         frequency_range=frequencies,
+    )
+
+
+def table_as_identification(table: ModalTable) -> Identification:
+    """Return a modal table as an identification with ranges, levels, background, misfit and mass.
+
+    Raises
+    ------
+    RsgenError
+        The mass is not known, so that responses off resonance cannot be predicted.
+    """
+    if "damping_ratio" not in table.known:
+        raise RsgenError(
+            "predict: the modal table has no mass, so that responses off resonance do not follow; give the "
+            "mass to modal_table, or measure off resonance"
+        )
+    empty = np.zeros(0)
+    test = table.test
+    return Identification(
+        model=Model(ANY_LAW, observation=test.observation),
+        refined=(Estimate("m", table.splines.mass, 0.0, (table.splines.mass,) * 2, "kg"),),
+        covariance=np.zeros((1, 1)),
+        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units, test.base),
+        residual=table.misfit,
+        noise=table.misfit,
+        levels=test.levels,
+        amplitude_range=table.tested,
+        frequency_range=test.frequencies,
+        solution=np.zeros(len(Model(ANY_LAW).parameters)),
+        background=test.background,
     )
 
 

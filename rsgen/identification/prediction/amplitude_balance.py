@@ -21,9 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from rsgen.common.arrays import Array, ComplexArray
-from rsgen.common.errors import RsgenError
 from rsgen.common.tolerances import (
-    ANY_LAW,
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
     HELD_OUT_ERROR_SMALL,
@@ -36,7 +34,6 @@ from rsgen.common.tolerances import (
     START_HARMONICS,
     interval_sigmas,
 )
-from rsgen.data.oscillator import Model
 from rsgen.data.surface.mode_findings import force_changes
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import (
@@ -50,7 +47,7 @@ from rsgen.identification.fitting.forward import MAX_POWER_OF_FORCE
 from rsgen.identification.misfit import law_misses
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
-from rsgen.identification.results import EquivalentCurve, Estimate, Identification
+from rsgen.identification.results import Identification
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import compile_law
 
@@ -489,6 +486,19 @@ class SynthesisBalance(AmplitudeBalance):
         """Return NaN: a table has no harmonics."""
         return (nan, nan), nan
 
+    def frequency_spread(self, spread: Array, size: Array, omega: Array, start: ComplexArray) -> Array:
+        """Return the half width as of a law; a fold at a level held may lie anywhere next to it.
+
+        There lines between the levels have a corner. With the force of an amplitude next to it, which is
+        less well known, the frequency may go as far as the error of that force exceeds its difference.
+        """
+        held, level = np.log(self._splines.held), np.abs(self.solve(size, omega).force)
+        for share in np.linspace(-1, 1, _BISECTION_POINTS) if len(held) > 1 else ():
+            places = np.interp(np.log(size), held, np.arange(len(held))) + share
+            at = self.solve(np.exp(np.interp(places, np.arange(len(held)), held)), omega)
+            spread = np.maximum(spread, self.force_spread(at) - np.abs(np.abs(at.force) - level))
+        return super().frequency_spread(spread, size, omega, start)
+
     def multiplier(self, at: Response, omega: Array) -> ComplexArray:
         """Return NaN (n,): the slopes of a law are not known."""
         return np.full(len(omega), np.nan + 0j)
@@ -512,36 +522,6 @@ class SynthesisBalance(AmplitudeBalance):
             largest = np.fmax(size, mode.amplitude)
             known = (largest <= BEYOND * self._largest) & (changed < HELD_OUT_ERROR_SMALL)
         return np.where(known, found, np.nan)
-
-
-def table_as_identification(table: ModalTable) -> Identification:
-    """Return a modal table as an identification with ranges, levels, background, misfit and mass.
-
-    Raises
-    ------
-    RsgenError
-        The mass is not known, so that responses off resonance cannot be predicted.
-    """
-    if "damping_ratio" not in table.known:
-        raise RsgenError(
-            "predict: the modal table has no mass, so that responses off resonance do not follow; give the "
-            "mass to modal_table, or measure off resonance"
-        )
-    empty = np.zeros(0)
-    test = table.test
-    return Identification(
-        model=Model(ANY_LAW, observation=test.observation),
-        refined=(Estimate("m", table.splines.mass, 0.0, (table.splines.mass,) * 2, "kg"),),
-        covariance=np.zeros((1, 1)),
-        curve=EquivalentCurve(*(empty,) * 5, empty.astype(bool), test.level_unit, test.units, test.base),
-        residual=table.misfit,
-        noise=table.misfit,
-        levels=test.levels,
-        amplitude_range=table.tested,
-        frequency_range=test.frequencies,
-        solution=np.zeros(len(Model(ANY_LAW).parameters)),
-        background=test.background,
-    )
 
 
 # ----------------------------------------------------------------------------

@@ -43,12 +43,7 @@ from rsgen.dynamics.virtual_test import level_grid
 from rsgen.identification.fitting.across import across_of_mode, law_of
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.modal_result import ModalTable
-from rsgen.identification.prediction.amplitude_balance import (
-    AmplitudeBalance,
-    SynthesisBalance,
-    balance_of,
-    table_as_identification,
-)
+from rsgen.identification.prediction.amplitude_balance import AmplitudeBalance, SynthesisBalance, balance_of
 from rsgen.identification.prediction.prediction_result import (
     BEYOND,
     MULTIPLIER_ROUND_OFF,
@@ -64,7 +59,12 @@ from rsgen.identification.prediction.prediction_result import (
     points_under,
     score_points,
 )
-from rsgen.identification.resonance import HALF_WIDTHS, as_identification, contradicted_sweep
+from rsgen.identification.resonance import (
+    HALF_WIDTHS,
+    as_identification,
+    contradicted_sweep,
+    table_as_identification,
+)
 from rsgen.identification.results import Identification, MultisineIdentification
 from rsgen.identification.soundness import MAX_FORCE_TO_FRICTION
 
