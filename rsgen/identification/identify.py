@@ -47,7 +47,7 @@ from rsgen.data.surface.response_surface import ResponseSurface, without_copies,
 from rsgen.identification.fitting.fit import Fit, fit_balance, fit_simulator
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Problem
-from rsgen.identification.fitting.points import per_unit_mass
+from rsgen.identification.fitting.points import held_amplitudes, per_unit_mass
 from rsgen.identification.judge import judge, prepare
 from rsgen.identification.misfit import is_misread, law_misses
 from rsgen.identification.prediction import Prediction, predict_held_out, predict_records
@@ -206,13 +206,15 @@ def _alike(one: Regression, other: Regression, share: float) -> bool:
 def _refit_with_simulator(balanced: Fit) -> Fit:
     """Replace the balance by the simulator where the law has jumps or corners.
 
-    It drives with a sine: where harmonics of the force matter more than corners, the balance leaves less.
+    It drives with a sine: where harmonics of the force matter more than corners, the balance leaves less. A
+    balance at amplitudes that were held knows no folds, where a driven motion is lost.
     """
     problem = balanced.problem
     accuracy = _ACCURACIES[0]
     few = problem.observed.mode(balanced.background).spread(SUBSAMPLE_POINTS)
-    quick = fit_simulator(problem.select(few), balanced.select(few), accuracy=accuracy)
-    if quick is None:
+    part = balanced.select(few)
+    quick = fit_simulator(part.problem, part, accuracy=accuracy)
+    if quick is None or _loses_held(quick, part):
         # nor would it follow enough of all points
         return balanced
     near = replace(balanced.regression, parameters=quick.regression.parameters)
@@ -226,7 +228,7 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
         # exact corners are not what it misses, and all points would take minutes
         return balanced
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
-    if refitted is None:
+    if refitted is None or _loses_held(refitted, balanced):
         return balanced
     both = refitted.regression.used & balanced.regression.used
     misfit = [float(np.sqrt(np.mean(found.regression.misfit[both] ** 2))) for found in (refitted, balanced)]
@@ -234,6 +236,12 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     freedom = refitted.regression.freedom
     by_chance = f_quantile(freedom, freedom, (1 + SIGNIFICANCE_LEVEL) / 2)
     return refitted if misfit[0] ** 2 <= by_chance * misfit[1] ** 2 else balanced
+
+
+def _loses_held(found: Fit, balanced: Fit) -> bool:
+    """Return True if the simulator does not predict points of the balance, and each level held a response."""
+    lost = np.isnan(found.regression.misfit) & balanced.regression.used
+    return bool(lost.any() and np.isfinite(held_amplitudes(found.problem.observed.points)).all())
 
 
 # what a trial makes infinite or undefined has no prediction there, and is dealt with as such

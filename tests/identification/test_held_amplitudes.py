@@ -48,6 +48,17 @@ def test_two_held_amplitudes_determine_two_stiffnesses(seed):
         assert found[name].identifiable
 
 
+def test_no_fold_excludes_points_whose_response_was_held():
+    """Between folds under one force the simulator, which is driven by it, follows no motion."""
+    law, values = "k*x + c*v + k3*x**3 + Ff*sign(v)", {"k": 6e3, "c": 2.0, "k3": 4e8, "Ff": 0.2}
+    how = {"control": "response", "noise_relative": 0.004}
+    test = simulated(law, values, [5e-4, 1e-3, 2e-3], (9, 14, 31), **how)
+    found = rs.identify(fundamentals(test, control="response"), law)
+    assert "points-excluded" not in codes(found)
+    assert found.fit.regression.used.all()
+    assert all(found[name].interval[0] < true < found[name].interval[1] for name, true in values.items())
+
+
 def test_a_response_that_was_held_at_one_amplitude_is_no_end_of_a_range():
     table = held(1e-4, 1.2e-4, 1.4e-4, 6e-4, seed=0)
     found = rs.identify(fundamentals(table, table.level + 0j, control="response"), "k*x + c*v", mass=MASS)
