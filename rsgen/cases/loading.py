@@ -10,6 +10,7 @@ from copy import deepcopy
 from dataclasses import replace
 from math import isnan, prod
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
 import sympy
@@ -115,15 +116,21 @@ def make_simulated(table: Any, maker: Maker) -> VirtualTest:
 
 def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation:
     """Make the observation; levels held out of a virtual test must be among those tested."""
-    observation = maker.make(Observation, table, "identify")
+    observation = maker.make(Observation, table, "identify", predict=())
+    unit, control = maker.units.get("N", "N"), getattr(test, "control", "force")
+    base = getattr(test, "base", None)
+    if unit and control in ("response", "continuation"):
+        # levels are amplitudes of the response, but predictions are of what drives it
+        maker.units["N"] = "m/s^2" if base else "N"
+    asked = SimpleNamespace(predict=getattr(table, "predict", None))
+    predict = maker.make(Observation, asked, "identify").predict
     if isinstance(test, MeasuredTest) and test.level.labels:
         maker.faults += [
             f"identify.predict.{number}: {value:g} has no unit, and the levels are labels; "
             f'a force is needed, such as "{value:g} N"'
-            for number, value in enumerate(getattr(table, "predict", None) or (), start=1)
+            for number, value in enumerate(asked.predict or (), start=1)
             if not isinstance(value, str)
         ]
-    unit = maker.units.get("N", "N")
     planned, levels = test.planned_levels, list[float]()
     for number, level in enumerate(observation.hold_out, start=1):
         if isnan(level):
@@ -141,14 +148,13 @@ def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation
         levels.append(level)
     if levels and len(levels) == len(planned):
         maker.faults.append("identify.hold_out: holds every level back; at least one must remain")
-    base = getattr(test, "base", None)
     moved = getattr(base, "quantity", base) in ("displacement", "velocity")
-    if observation.predict and (moved or getattr(test, "control", "force") != "force"):
-        held = "a base whose displacement or velocity is the level" if moved else "another control than force"
+    if predict and (moved or control == "phase"):
+        held = "a base whose displacement or velocity is the level" if moved else "a lag that is held"
         maker.faults.append(
             f"identify.predict: forces or accelerations of a base are needed; of {held} use rsgen.predict"
         )
-    return observation if maker.faults else replace(observation, hold_out=tuple(levels))
+    return observation if maker.faults else replace(observation, hold_out=tuple(levels), predict=predict)
 
 
 # ----------------------------------------------------------------------------

@@ -77,8 +77,8 @@ class Observation:
     )
     predict: tuple[Annotated[float, Rule(unit="N", above=0)], ...] = declare(
         (),
-        "Levels that were not tested: amplitudes of the force, or accelerations of a driven base, whose "
-        "response the report predicts.",
+        "Levels that were not tested: amplitudes of the force (also where the response was held), or "
+        "accelerations of a driven base, whose response the report predicts.",
         most=20,
     )
     band: tuple[Edge, Edge] | None = declare(

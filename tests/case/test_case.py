@@ -246,6 +246,17 @@ def test_without_a_scale_any_unit_will_do(tmp_path):
     assert not relative.model.observation.calibrated
 
 
+def test_predictions_are_of_forces_where_levels_are_amplitudes_that_were_held(tmp_path):
+    values = {"values": ["1 mm", "2 mm"]}
+    changes = {"test.control": "response", "test.level": values, "identify": {"predict": ["5 N"]}}
+    changes["identify"]["hold_out"] = ["2 mm"]
+    seen = load_case(write_small(tmp_path, "case", changes)).model.observation
+    assert (seen.hold_out, seen.predict) == ((2e-3,), (5.0,))
+    changes["identify"]["predict"] = ["5 mm"]
+    (fault,) = refused(write_small(tmp_path, "case", changes))
+    assert "identify.predict.1: '5 mm' is a length" in fault
+
+
 def test_data_folders(tmp_path, monkeypatch):
     monkeypatch.delenv("RSGEN_DATA", raising=False)
     elsewhere, case = tmp_path / "laboratory", write_small(tmp_path, "case", CASE)
