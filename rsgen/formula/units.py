@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -331,19 +331,29 @@ def _without_zeros(text: str) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
-def off_if_rms(unit: str) -> str:
-    """Say by how much a value is off where force and response are root mean squares but read as peak.
+def off_by_scale(units: Mapping[str, str], *, held: bool = False) -> str:
+    """Say by how much values are off by a factor that force and response share; "" where none is.
 
-    Both are too small by the root of two then, as in another unit of length, which is in that of force, too.
+    Root mean squares read as peak are both too small by the root of two, as in another unit of length, which
+    is in that of force, too. So is an error of an amplitude that was ``held``, where files have ratios to it.
 
     Examples
     --------
-    >>> off_if_rms("N/m^3"), off_if_rms("N*s^2/m^2"), off_if_rms("N"), off_if_rms("N/m")
-    ('2 times too large', '1.41 times too large', '1.41 times too small', '')
+    >>> off_by_scale({"k": "N/m", "kn": "N/m^3", "Ff": "N"}, held=True)[:47]
+    '1 % of the held amplitude moves kn by −2 %, Ff '
+    >>> off_by_scale({"k": "N/m", "kn": "N/m^3"})
+    'where both are rms but read as peak, kn is 2 times too large (or the reverse), and linear values stay'
     """
-    power = read_unit(unit).dimension.powers.get("m", 0) if unit else 0
-    size = "large" if power < 0 else "small"
-    return f"{number_text(2 ** abs(float(power) / 2), 3)} times too {size}" if power else ""
+    known = {name: read_unit(unit).dimension.powers.get("m", 0) for name, unit in units.items() if unit}
+    powers = {name: float(power) for name, power in known.items() if power}
+    moved = ", ".join(f"{name} by {number_text(power, 2)} %" for name, power in powers.items())
+    off = ", ".join(
+        f"{name} is {number_text(2 ** abs(power / 2), 3)} times too {'large' if power < 0 else 'small'}"
+        for name, power in powers.items()
+    )
+    rates = f"1 % of the held amplitude moves {moved}, if files have responses over the force; " * held
+    said = f"where {'it is' if held else 'both are'} rms but read as peak, {off} (or the reverse)"
+    return f"{rates}{said}, and linear values stay" if powers else ""
 
 
 def quantity_text(value: float, unit: str, digits: int = 4) -> str:

@@ -7,6 +7,7 @@ import pytest
 
 import rsgen as rs
 from rsgen.data.surface.plausibility import level_findings
+from rsgen.identification.results.result import mass_lines
 from rsgen.identification.terms import channel_finding
 from tests.surfaces import codes
 from tests.virtual import fundamentals, only, simulated
@@ -46,6 +47,13 @@ def test_two_held_amplitudes_determine_two_stiffnesses(seed):
     for name, true in (("k", K), ("k3", K3), ("c", C)):
         assert found[name].interval[0] < true < found[name].interval[1]
         assert found[name].identifiable
+    (shared,) = mass_lines(found)[1:]
+    assert "1 % of the held amplitude moves k3 by −2 %, if" in shared
+    # files of responses over the force: an error of the amplitude is in the force, too
+    test = held(1e-4, 3e-4, seed=seed)
+    scaled = fundamentals(test, 1.01 * test.harmonics[:, 1], 1.01 * test.force, level=1.01 * test.level)
+    moved = rs.identify(replace(scaled, control="response"), LAW, mass=MASS)["k3"].value
+    assert moved / found["k3"].value == pytest.approx(1.01**-2)
 
 
 def test_no_fold_excludes_points_whose_response_was_held():

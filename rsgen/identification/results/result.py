@@ -26,7 +26,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
-from rsgen.formula.units import WHOLE, ForceUnits, number_text, off_if_rms
+from rsgen.formula.units import WHOLE, ForceUnits, number_text, off_by_scale
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations
@@ -121,11 +121,9 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
             f"{short(mass.value, 4)} kg shows a wrong ratio of force to response, as of one of them rms read "
             "as peak, or of a missing 2 pi (in frequencies of accelerations it shows none)"
         )
-    off = [(one.name, words) for one in found if one.identifiable and (words := off_if_rms(one.unit))]
-    common = (
-        "m does not show a factor that force and response share: where both are rms but read as peak, "
-        f"{', '.join(f'{name} is {words}' for name, words in off)} (or the reverse), and linear values stay"
-    )
+    held = found.curve.level_unit == "m" and not found.curve.base
+    off = off_by_scale({one.name: one.unit for one in found if one.identifiable}, held=held)
+    common = f"m does not show a factor that force and response share: {off}"
     return [said, *[common] * bool(off and not rms)]
 
 
