@@ -181,6 +181,18 @@ def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k, c, m):
     assert len(curves.findings) == 0
 
 
+@pytest.mark.parametrize("band", [(14.0, 18.0), (14.0, 14.2), (16.5, 40.0)])
+def test_a_curve_in_a_narrow_band_reaches_both_its_edges(band: tuple[float, float]):
+    """A law that is stiffer above its gap: "no steady state" was said in the first two."""
+    gap = "k0*x + kg*(Max(0, x - b) + Min(0, x + b)) + c*v", {"k0": 9400.0, "kg": 21e3, "b": 6e-4, "c": 2.1}
+    predicted = predict(Oscillator(0.82, *gap), [3.818], band=band)
+    curve = predicted.curves[0]
+    exact = simulate(Oscillator(0.82, *gap), SimulatedTest([3.818], np.array(band)))
+    assert curve.frequency[[0, -1]] == pytest.approx(band)
+    assert curve.amplitude[[0, -1]] == pytest.approx(exact.amplitude, rel=1e-3)
+    assert codes(predicted) == set()
+
+
 RUBBING = "k*x + c*v + Ff*sign(v)", {"k": 6e3, "c": 2.0, "Ff": 0.5}
 
 

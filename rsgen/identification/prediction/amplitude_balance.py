@@ -313,13 +313,12 @@ class AmplitudeBalance:
 
     def spans(self, level: float, window: tuple[float, float]) -> list[tuple[float, float]]:
         """Return the ranges of amplitudes [m] that a level [N] reaches at some frequency, ascending."""
+        size, _, force = self._table
         for _ in range(8):
             # enlarge the table until the level does not reach its end
-            size, _, force = self._table
             if not force[-1] < level:
                 break
-            self._table = self._tabulated(2 * float(size[-1]))
-        size, _, force = self._table
+            size, _, force = self._table = self._tabulated(2 * float(size[-1]))
         reached = force <= level
         # an amplitude at which no motion was found, between two that are reached, ends no range
         known = np.flatnonzero(np.isfinite(force))
@@ -329,10 +328,11 @@ class AmplitudeBalance:
         edges = np.flatnonzero(np.diff(reached.astype(int)))
         ends = [self._refine_end(float(size[i]), float(size[i + 1]), level) for i in edges]
         if reached[0]:
-            # a little less than the smallest amplitude within the window of frequencies
-            least = np.full(2, 1e-3 * self._largest)
-            at = self.solve(least, np.array(window))
-            ends.insert(0, float(0.8 * np.min(level * least / np.abs(at.force))))
+            # a little less than the smallest amplitude within the window: at its edges the force is largest
+            least, edge = np.meshgrid(np.append(1e-3 * self._largest, size), window)
+            needed = np.abs(self.solve(least.ravel(), edge.ravel()).force).reshape(least.shape).max(axis=0)
+            below = np.cumprod(needed[1:] <= level).sum()
+            ends.insert(0, float(min(0.8 * level * least[0, 0] / needed[0], size[max(below - 1, 0)])))
         if reached[-1]:
             ends.append(float(size[-1]))
         return [(low, high) for low, high in zip(ends[::2], ends[1::2], strict=False) if high > low]
@@ -398,7 +398,7 @@ class AmplitudeBalance:
     def _settled(self, force: ComplexArray, omega: Array, near: Array) -> ComplexArray:
         """Return the stable fundamental (n,) [m] under forces [N] that is nearest to amplitudes [m]."""
         level = np.abs(force)
-        size, ok = self._newton_amplitude(level, omega, np.array(near))
+        size, ok = self.newton_amplitude(level, omega, np.array(near))
         if not ok.all():
             size[~ok] = self._scan_amplitudes(level[~ok], omega[~ok], near[~ok])
         known = np.isfinite(size)
@@ -408,7 +408,7 @@ class AmplitudeBalance:
             result[known] = size[known] * force[known] / level[known] * np.exp(-1j * np.angle(at.force))
         return result
 
-    def _newton_amplitude(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def newton_amplitude(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Solve for the amplitudes (n,) [m] of the levels by Newton's method; return a mask of converged."""
         start, first = None, np.array(size)
         gain, miss = np.ones(len(size)), np.full(len(size), np.inf)

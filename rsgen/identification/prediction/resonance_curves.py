@@ -150,9 +150,10 @@ def predict(
         return Prediction((), (), (Finding("needs-mass", "warning"),))
     low, high = found.frequency_range
     near = (low * (1 - _FREQUENCY_MARGIN), high * (1 + _FREQUENCY_MARGIN))
-    window = near if band is None else _check_band(band)
-    if observed and band is None:
-        window = max(near[0], observed[0]), min(near[1], observed[1])
+    least, most = observed or (0.0, inf)
+    window = (max(near[0], least), min(near[1], most)) if band is None else (float(band[0]), float(band[1]))
+    if band is not None and not 0 < window[0] < window[1] < inf:
+        raise RsgenError(f"band: {band[0]:g} to {band[1]:g} Hz; must be ascending, finite and positive")
     refuse_across(sensors, levels=levels is not None)
     balance = SynthesisBalance(table, window) if table is not None else balance_of(found)
     held_out, fitted = tuple[HeldOutLevel, ...](), tuple[HeldOutLevel, ...]()
@@ -161,7 +162,8 @@ def predict(
         held_out = _score(found, balance, surface, held)
     unseen = [one.force for one in held_out or found.held_out if isinstance(one, HeldOutLevel)]
     forces = np.unique([*found.levels, *filter(isfinite, unseen)])
-    chosen = asked or (forces / _force_per_level(found)).tolist()
+    # curves of a law across two sensors would need the motion there
+    chosen = [] if sensors else asked or (forces / _force_per_level(found)).tolist()
     # free decays and resonances alone have no band: the law has flanks
     fitted_law = table is None and tested[1] < inf and not sensors
     flanks = _resonance_band(found, balance, chosen) if fitted_law and band is None else None
@@ -169,12 +171,11 @@ def predict(
     omega = (2 * np.pi * window[0], 2 * np.pi * window[1])
     # the edges of the curves of a test are no extrapolation
     known = (0.0, inf) if flanks or tested[1] == inf else (near[0] / BEYOND, near[1] * BEYOND)
-    # curves of a law across two sensors would need the motion there
-    drawn = () if sensors else chosen
-    curves = tuple(_curve(found, balance, level, omega, tested, known) for level in drawn)
-    if surface is not None:
+    curves = tuple(_curve(found, balance, level, omega, tested, known) for level in chosen)
+    if surface is not None and not (surface.decays or surface.response_held):
         same = surface.levels[np.isin(typical_amounts(surface), [curve.force for curve in curves])]
-        changing = [] if surface.decays or surface.response_held else _changing(surface, same)
+        parts = {level: surface.select(surface.settled & (surface.level == level)) for level in same}
+        changing = [level for level, part in parts.items() if force_changes(part.amplitude, part.force)]
         fitted = _score(found, balance, surface, ~held & np.isin(surface.level, changing))
     findings = [*missed_findings(held_out)]
     if curves and not known[0] <= window[0] < window[1] <= known[1]:
@@ -204,12 +205,6 @@ def _resonance_band(
     return (min(ends) / (2 * np.pi), max(ends) / (2 * np.pi)) if ends else None
 
 
-def _changing(surface: ResponseSurface, levels: Array) -> list[float]:
-    """Return the levels whose force changes."""
-    parts = {float(level): surface.select(surface.settled & (surface.level == level)) for level in levels}
-    return [level for level, part in parts.items() if force_changes(part.amplitude, part.force)]
-
-
 def _along(found: Identification) -> list[Finding]:
     """Say that a law across two sensors is predicted along the measured motion, and has no curves."""
     sensors = found.model.sensors
@@ -236,13 +231,6 @@ def predict_held_out(found: Identification, surface: ResponseSurface) -> Predict
 def _force_per_level(found: Identification) -> float:
     """Return the force [N] for each m/s^2 of a driven base: the mass, or 1 where there is none."""
     return found.mass if found.curve.base and np.isfinite(found.curve.units.kilogram) else 1.0
-
-
-def _check_band(band: tuple[float, float]) -> tuple[float, float]:
-    low, high = map(float, band)
-    if not 0 < low < high < inf:
-        raise RsgenError(f"band: {low:g} to {high:g} Hz; must be ascending, finite and positive")
-    return low, high
 
 
 def _findings(
@@ -331,8 +319,7 @@ def _compare_peaks(
     run: Points,
     numbers: dict[str, Quantity],
 ) -> tuple[float, tuple[Finding, ...]]:
-    """Return how many times its points a curve peaks, and the findings that they end below it, and were swept
-    another way than is said.
+    """Return how high a curve peaks above its points, as a ratio, and what they miss or contradict.
 
     A curve that rises as it leaves the band peaks beyond it; the ratio is infinite where the law has no peak.
     Points that are low before that peak lie on the lower branch, as those from rest before the fold do, and
@@ -440,7 +427,7 @@ def _branches(
     """
     blend = (1 - np.cos(np.linspace(0, np.pi, _BRANCH_POINTS))) / 2
     sizes = span[0] + (span[1] - span[0]) * blend
-    (up, left, start), (down, right, end) = (_side(balance, level, sizes, side) for side in (-1, 1))
+    (up, left, start), (down, right, end) = (_side(balance, level, sizes, side, window) for side in (-1, 1))
     omega, harmonics = np.concatenate([left, right[::-1]]), np.concatenate([start, end[::-1]])
     # a frequency that is not found leaves no end: its neighbours are joined
     known = np.isfinite(omega)
@@ -455,11 +442,11 @@ def _branches(
 
 
 def _side(
-    balance: AmplitudeBalance, level: float, sizes: Array, side: int
+    balance: AmplitudeBalance, level: float, sizes: Array, side: int, window: tuple[float, float]
 ) -> tuple[Array, Array, ComplexArray]:
-    """Return X, omega and harmonics of a side of a curve: at sizes (n,) [m], and at the folds between them.
+    """Return X, omega and harmonics of a side of a curve: at sizes (n,) [m], folds, and edges of the window.
 
-    A fold is an extremum of omega over X. Next to a corner of the law it is sharp, and coarse sizes miss it.
+    Coarse sizes miss both. A fold is an extremum of omega over X, sharp next to a corner of the law.
     """
     columns = [(sizes, *balance.frequencies(sizes, level, side))]
     slope = np.diff(columns[0][1])
@@ -468,6 +455,19 @@ def _side(
         omega, harmonics = balance.frequencies(near, level, side)
         fold = [np.nanargmax(slope[turn - 1] * omega)]
         columns.append((near[fold], omega[fold], harmonics[fold]))
+    sizes, omega, harmonics = _ascending(columns)
+    beyond = omega - np.array(window)[:, None]
+    which, low = np.nonzero(beyond[:, :-1] * beyond[:, 1:] < 0)
+    edge, near = np.array(window)[which], (sizes[low], sizes[low + 1])
+    found, _ = balance.newton_amplitude(np.full(len(low), level), edge, np.mean(near, axis=0))
+    found = np.clip(found, *near)
+    at = balance.solve(found, edge, harmonics[low])
+    held = np.isclose(np.abs(at.force), level, rtol=1e-6, atol=0.0)
+    return _ascending([(sizes, omega, harmonics), (found[held], edge[held], at.harmonics[held])])
+
+
+def _ascending(columns: list[tuple[Array, Array, ComplexArray]]) -> tuple[Array, Array, ComplexArray]:
+    """Return X, omega and harmonics by ascending X, each X once."""
     sizes, omega, harmonics = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     _, order = np.unique(sizes, return_index=True)
     return sizes[order], omega[order], harmonics[order]
