@@ -458,9 +458,9 @@ def _side(
     sizes, omega, harmonics = _ascending(columns)
     beyond = omega - np.array(window)[:, None]
     which, low = np.nonzero(beyond[:, :-1] * beyond[:, 1:] < 0)
-    edge, near = np.array(window)[which], (sizes[low], sizes[low + 1])
-    found, _ = balance.newton_amplitude(np.full(len(low), level), edge, np.mean(near, axis=0))
-    found = np.clip(found, *near)
+    edge, around = np.array(window)[which], (sizes[low], sizes[low + 1])
+    found, _ = balance.newton_amplitude(np.full(len(low), level), edge, np.mean(around, axis=0))
+    found = np.clip(found, *around)
     at = balance.solve(found, edge, harmonics[low])
     held = np.isclose(np.abs(at.force), level, rtol=1e-6, atol=0.0)
     return _ascending([(sizes, omega, harmonics), (found[held], edge[held], at.harmonics[held])])
