@@ -1,4 +1,4 @@
-"""Make the README's pictures of the reports here: ``.venv/bin/python -m tests.report.pictures``."""
+"""Make the README's pictures of the reports here: ``.venv/bin/python -m docs.pictures``."""
 
 import io
 import sys
@@ -8,7 +8,7 @@ from PIL import Image, ImageOps
 
 from tests.report.browser import Page, find_browser, in_browser
 
-REPORTS = Path(__file__).parents[2] / "reports"
+REPORTS = Path(__file__).parents[1] / "reports"
 PICTURES = REPORTS / "pictures"
 
 # name, page, width and height [px], dark, print, the element that is at the top
@@ -22,6 +22,7 @@ COLOURS = 256
 
 
 async def shoot(page: Page) -> dict[str, bytes]:
+    """Return the pictures as PNG files, by name."""
     pictures = {}
     for name, case, width, height, dark, media, top in SHOTS:
         await page.show((REPORTS / case / "report.html").as_uri(), width, height, dark=dark, media=media)
