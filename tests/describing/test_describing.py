@@ -160,14 +160,7 @@ def _grow(inner):
 FORCE = st.recursive(LEAF, _grow, max_leaves=7)
 
 
-SIZES = st.tuples(*[st.sampled_from((0.37, 0.81, 1.3, 1.9, -0.6, -1.4))] * 4)
-QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
-
-
-@pytest.mark.slow
-@settings(suppress_health_check=QUIET)
-@given(law=FORCE, signs=SIZES)
-def test_random_laws(law, signs):
+def check_random_law(law, signs):
     try:
         derived = derive(law)
     except RsgenError:
@@ -184,6 +177,17 @@ def test_random_laws(law, signs):
             continue
         errors = errors_of(law, values, X, 1.3, *numbers)
         assert errors is None or errors[0] < AGREES, (law, values, X, errors)
+
+
+SIZES = st.tuples(*[st.sampled_from((0.37, 0.81, 1.3, 1.9, -0.6, -1.4))] * 4)
+QUIET = (HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much)
+
+
+@pytest.mark.slow
+@settings(suppress_health_check=QUIET)
+@given(law=FORCE, signs=SIZES)
+def test_random_laws(law, signs):
+    check_random_law(law, signs)
 
 
 @pytest.mark.parametrize(("law", "values"), [
