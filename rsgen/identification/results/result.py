@@ -418,10 +418,11 @@ class Identification(Printed):
                 object.__setattr__(self, name, value)
             return value
 
-    def __getstate__(self) -> list[Any]:
-        """Return all fields, and the residuals in place of the fit, whose compiled law cannot leave."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle all fields, and the residuals in place of the fit, whose compiled law cannot leave."""
         of_fit = {"fit": None} if self.fit is None else {"fit": None, "_left": self.residuals}
-        return [of_fit.get(entry.name, getattr(self, entry.name)) for entry in fields(self)]
+        state = [of_fit.get(entry.name, getattr(self, entry.name)) for entry in fields(self)]
+        return object.__new__, (type(self),), state
 
     @property
     def mass(self) -> float:
