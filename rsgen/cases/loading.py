@@ -119,11 +119,12 @@ def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation
     observation = maker.make(Observation, table, "identify", predict=())
     unit, control = maker.units.get("N", "N"), getattr(test, "control", "force")
     base = getattr(test, "base", None)
+    of_drive = maker
     if unit and control in ("response", "continuation"):
         # levels are amplitudes of the response, but predictions are of what drives it
-        maker.units["N"] = "m/s^2" if base else "N"
+        of_drive = replace(maker, units=maker.units | {"N": "m/s^2" if base else "N"})
     asked = SimpleNamespace(predict=getattr(table, "predict", None))
-    predict = maker.make(Observation, asked, "identify").predict
+    predict = of_drive.make(Observation, asked, "identify").predict
     if isinstance(test, MeasuredTest) and test.level.labels:
         maker.faults += [
             f"identify.predict.{number}: {value:g} has no unit, and the levels are labels; "

@@ -25,6 +25,7 @@ VOLTAGES = ("V", "mV")
 _ANGLES = {"deg": "deg", "°": "deg", "rad": "rad"}
 RMS = re.compile(r"(?<![a-z])(rms|eff(?!ort|ic))", re.IGNORECASE)
 PEAK = re.compile(r"(?<![a-z-])(peak|pk)(?![- ]?(to|peak|pk))", re.IGNORECASE)
+"""In titles of root mean squares ("Weg_eff"), and of peak amplitudes, but not from peak to peak."""
 
 
 def contradiction(file: str, column: str, unit: str, title: str) -> Finding:

@@ -215,16 +215,14 @@ def _order_of_entries(test: MeasuredTest, table: Table) -> list[Finding]:
 def _level_doubts(test: MeasuredTest, table: Table) -> list[Finding]:
     """Find that levels are read in another unit than the file names for their column."""
     column, read_as = test.level.column, test.level.unit
-    if column is None or test.level.factor != 1 or not test.calibrated:
+    if column is None or test.level.labels or test.level.factor != 1 or not test.calibrated:
         return []
-    doubts = (
-        [] if test.level.labels else scale_doubts(table.label, table.names.get(column, ""), test.level.scale)
-    )
+    doubts = scale_doubts(table.label, table.names.get(column, ""), test.level.scale)
     if read_as is None:
         return doubts
     unit = table.units.get(column, "")
     said, read = (sensor_size(one, test.level_unit) for one in (unit, read_as))
-    # of a label, or of another dimension, as above
+    # of another dimension, as above
     if said is None or read is None or abs(said - read) <= UNIT_TOLERANCE * read:
         return doubts
     return [*doubts, contradiction(table.label, table.names.get(column) or str(column), read_as, unit)]

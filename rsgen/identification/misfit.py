@@ -143,9 +143,10 @@ def misfit_findings(
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     left_by = {kind: one.misfit_left(fit.regression, wider) for kind, one in backgrounds.items()}
-    channels = channel_finding(fit, misfit, (left_by_term, left_by_cause), left_by, surface.base)
-    if known and not surface.decays and (off := channels or ratio_finding(fit, surface.base)):
-        return [replace(off, severity=severity if rejected else "doubt")]
+    if known and not surface.decays:
+        off = channel_finding(fit, misfit, (left_by_term, left_by_cause), left_by, surface.base)
+        if off := off or ratio_finding(fit, surface.base):
+            return [replace(off, severity=severity if rejected else "doubt")]
     found = [Finding("law-does-not-fit", severity, numbers=numbers, names=names | _carrier(fit))]
     if not names.keys() & {"term", "free", "side"}:
         # a term that is missing misses some levels more than others, as dry friction the lowest
@@ -169,9 +170,7 @@ def _limit_of_joints(fit: Fit) -> float:
 
 
 def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:
-    """Find a misfit without a pattern that is large; and fixed values, which errors of few points hide, and a
-    ratio of channels, which a background hides.
-    """
+    """Find a large misfit without a pattern, wrong fixed values, a ratio of channels behind a background."""
     # one point a level shows no pattern either, and a loop holds each until its noise is gone
     patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
     misfit = fit.regression.rms_misfit

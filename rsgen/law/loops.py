@@ -366,7 +366,7 @@ def periodic_states(
     begin = np.zeros((count, len(equations) * samples))
     steepest = max((float(np.max(values[place], initial=0.0)) for place in powers), default=0.0)
     # Newton's steps from rest to the loop of a steep power are many; from that of a milder one they are few
-    for most in (*(power for power in _MILDER_POWERS if power < steepest), np.inf):
+    for most in (*(power for power in _POWERS_SOLVED_FIRST if power < steepest), np.inf):
         some = [np.minimum(value, most) if i in powers else value for i, value in enumerate(values)]
         loops = _OpenLoops(equations, motion, np.broadcast_to(step, (count, samples)), some)
         # a whole step from rest may lead to where a power is steep, and to a loop of the rule alone
@@ -381,7 +381,7 @@ def periodic_states(
     return np.moveaxis(roots.unknowns.reshape(count, len(equations), samples), 1, 0)
 
 
-_MILDER_POWERS = (8.0, 512.0)
+_POWERS_SOLVED_FIRST = (8.0, 512.0)
 """Of a state: Newton's method finds the loop of the first from rest in some ten steps, and the next one from
 there in few; with a power of 50 it takes a hundred from rest."""
 

@@ -33,8 +33,8 @@ _FACTORS_OF_MASS = {
 }  # fmt: skip
 """Further factors by which a mass is wrong if its unit, or that of another quantity, is misread."""
 
-_OF_LEVELS = ("levels-swapped", "levels-disagree", "level-deviates")
-_SAID = ("another-quantity", "base-misread", "fixed-contradicted", "mass-negative")
+_CODES_OF_LEVELS = ("levels-swapped", "levels-disagree", "level-deviates")
+_CODES_OF_SIGNALS = ("another-quantity", "base-misread", "fixed-contradicted", "mass-negative")
 _MIN_LEVELS = 3
 """Of two levels each has only the other one to contradict it."""
 
@@ -59,8 +59,7 @@ def mode_findings(
     known: Iterable[Finding] = (),
     fits: bool | None = None,
 ) -> list[Finding]:
-    """Return what is known, and that levels or channels are exchanged, one level was misread, or a given mass
-    [kg] is in another unit; none of these or one.
+    """Return what is known, and that levels, channels or a mass [kg] were misread; one more or none.
 
     Nothing is found where it is known that the response, the base or the mass was misread, and nothing of
     levels where a law fits as they were read (``fits``; None where there is no law). What is known of other
@@ -68,7 +67,11 @@ def mode_findings(
     """
     test, known = surface.select(driven_points(surface)), list(known)
     other = surface.decays or np.isfinite(surface.across).any() or surface.control == "phase"
-    said = {f.code for f in (*surface.findings, *known) if f.code in _SAID and f.parameter in ("", "m")}
+    said = {
+        f.code
+        for f in (*surface.findings, *known)
+        if f.code in _CODES_OF_SIGNALS and f.parameter in ("", "m")
+    }
     # an exchange of levels may be what makes the mass negative
     if said - {"mass-negative"} or other or len(test) < _MIN_POINTS:
         return known
@@ -81,7 +84,7 @@ def mode_findings(
             return [*known, *swapped]
     inertia = 1.0 if surface.per_mass else nan if mass is None or not surface.base else mass
     if not fits and (misread := _misread_level(test, inertia)):
-        return [*(one for one in known if one.code not in _OF_LEVELS), *misread]
+        return [*(one for one in known if one.code not in _CODES_OF_LEVELS), *misread]
     if said or shaken:
         return known
     force, motion = steady(test.force, test.harmonics[:, 1], test.omega)

@@ -83,10 +83,10 @@ def make_estimates(
 # Natural frequency and damping ratio of small motion, f = sqrt(k/m)/(2 pi) and zeta = c/(2 sqrt(k m)), with
 # k(X) and c(X) for X -> 0.
 
-SMALL_MOTION = (1e-9, 1e-8)
+_SMALL_AMPLITUDES = (1e-9, 1e-8)
 """Shares of an amplitude of the test at which small motion is read: Segalman's law comes as X**0.5."""
 
-_OF_SMALL_MOTION = {"natural-frequency": "Hz", "damping-ratio": ""}
+_UNITS_OF_SMALL_MOTION = {"natural-frequency": "Hz", "damping-ratio": ""}
 
 
 @np.errstate(all="ignore")
@@ -96,7 +96,7 @@ def _small_motion(law: ForceLaw, amplitude: float, values: Array) -> Array:
     Both are NaN of friction, and of a law that is another one on both sides of rest. The last of the values
     (q,) is the mass.
     """
-    size, omega = amplitude * np.array(SMALL_MOTION), np.ones(2)
+    size, omega = amplitude * np.array(_SMALL_AMPLITUDES), np.ones(2)
     for _ in range(4):  # the stiffness of most laws does not depend on omega: the second round is final
         force = law.along(sine_motion(omega, size), values[:-1], SAMPLES_PER_PERIOD_SWITCHED).force
         mean, stiffness = project(force, 0) / size, project(force, 1) / size
@@ -121,7 +121,9 @@ def state_small_motion(law: ForceLaw, found: Regression, amplitude: float) -> tu
     steps = 1e-6 * np.where(found.parameters == 0, 1.0, found.parameters)
     changes = np.array([evaluate(found.parameters + step) - centre for step in np.diag(steps)]).T
     stated = []
-    for (name, unit), value, change in zip(_OF_SMALL_MOTION.items(), centre.tolist(), changes, strict=True):
+    for (name, unit), value, change in zip(
+        _UNITS_OF_SMALL_MOTION.items(), centre.tolist(), changes, strict=True
+    ):
         acts = found.free & ~(np.abs(change) <= ROUND_OFF * abs(value))
         slope = change[acts] / steps[acts]
         error = float(np.sqrt(slope @ found.covariance[np.ix_(acts, acts)] @ slope))
