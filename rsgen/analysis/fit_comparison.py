@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import hypot, inf, isfinite, log, nan
+from math import hypot, inf, isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from rsgen.common.errors import RsgenError, require
 from rsgen.common.finding import Finding, Verdict, quantities
 from rsgen.common.text_table import Printed, TextTable, aligned, lookup, short
-from rsgen.common.tolerances import CONFIDENCE_TEXT, MISFIT_NEGLIGIBLE, ROUND_OFF, interval_sigmas
+from rsgen.common.tolerances import CONFIDENCE_TEXT, ROUND_OFF, interval_sigmas
 from rsgen.formula.printing import write
 from rsgen.formula.reading import parse
 from rsgen.identification.results import Estimate, Identification
@@ -71,13 +71,6 @@ class ComparedFit:
             low, high = sorted(sign * end for end in one.interval)
             mirrored.append(replace(one, name=own.name, value=sign * one.value, interval=(low, high)))
         return replace(self, estimates=tuple(mirrored))
-
-    def bic(self, numbers: int) -> float:
-        """Return the BIC of n numbers, n ln(s^2 (1 - q/n)) + q ln n with q free values and the misfit s."""
-        free = sum(one.standard_error != 0 for one in (*self.estimates, *self.background))
-        # of exact data, truncated waveforms leave the rest
-        square = max(self.misfit, MISFIT_NEGLIGIBLE) ** 2 * (1 - min(free / numbers, 0.5))
-        return numbers * log(square) + free * log(numbers)
 
     def shifted(self, name: str, other: Alternative, errors: Mapping[str, float]) -> ComparedFit:
         """Return an alternative to this fit, to first order, with 95 % intervals by noise alone.

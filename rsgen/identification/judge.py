@@ -246,9 +246,10 @@ def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) ->
     """
     rest = tuple(finding for finding in findings if finding.code != "phase-gap")
     gap = gap_of(points)
-    if len(rest) == len(findings) or gap is None or (not gap.overlap and misfit < RELATIVE_ERROR_DOUBTFUL):
+    if len(rest) == len(findings) or gap is None:
         return rest
-    return (*rest, gap.finding(severity="doubt"))
+    one_mode = "overlap" not in gap.names and misfit < RELATIVE_ERROR_DOUBTFUL
+    return rest if one_mode else (*rest, replace(gap, severity="doubt"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

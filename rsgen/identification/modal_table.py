@@ -432,10 +432,10 @@ def _mode_points(points: Points, model: Model, response_held: bool) -> ModePoint
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
     rows = rows[mode.select(rows).spread(_MAX_POINTS)]
     gap = gap_of(mode) if near_resonance(mode) else None
-    if gap is not None and gap.overlap:
+    if gap is not None and "overlap" in gap.names:
         raise RsgenError(
-            f"modal table: points at phase resonance lie near {gap.low:.4g} and near {gap.high:.4g} Hz, on "
-            "the backbones of two modes; a band with one of them is needed"
+            f"modal table: points at phase resonance lie near {gap['low']:.4g} and {gap['high']:.4g} Hz, "
+            "on the backbones of two modes; a band with one of them is needed"
         )
     return ModePoints(observed, mode, background, tested, held, first).select(rows)
 
@@ -576,7 +576,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     findings += scattered(misfit) + holes(modal.seen.levels, gaps)
     gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
     if gap is not None:
-        findings += (gap.finding(severity="warning"),)
+        findings += (gap,)
     kilogram = kilogram if calibrated and not modal.assumed else nan
     covariance = found.covariance[: modal.count, : modal.count] + np.outer(moved, moved)
     splines = _splines(modal, found.parameters, covariance)

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from rsgen.analysis.fit_comparison import ComparedFit, FitComparison
+from rsgen.analysis.fit_comparison import FitComparison
 from rsgen.app.cli.terminal import DOUBTED_RESULT, USABLE_RESULT, Json, print_block, print_json, print_line
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import STATES
-from rsgen.common.tolerances import MIN_SIGNIFICANT_GAIN
 from rsgen.report.result_json import Entry, comparison_entry, read_result
 from rsgen.report.sentences import full_sentence, next_step
 
@@ -42,27 +40,6 @@ def compare_results(*places: str | Path) -> tuple[FitComparison, list[Entry]]:
     return FitComparison(tuple(fits)), entries
 
 
-def say_preferred(fits: Sequence[ComparedFit], entries: Sequence[Entry]) -> str:
-    """Say which of two laws leaves less of the same points, and if more than noise; "" of other results."""
-    tests = [
-        (points.get("frequency"), points.get("amplitude"), list(fit.held_out))
-        for entry, fit in zip(entries, fits, strict=True)
-        if isinstance(points := entry.result.get("equivalent"), dict)
-    ]
-    if len(entries) != 2 or len(tests) != 2 or tests[0] != tests[1] or not isinstance(tests[0][0], list):
-        return ""
-    # without phases a point is one number
-    unknown = [f for f in entries[0].result["findings"] if f["code"] == "not-recorded"]
-    phases = all(f["names"].get("signal") != "phase" for f in unknown)
-    numbers = (1 + phases) * max(len(tests[0][0]), 1)
-    found = [(fit.bic(numbers), fit.name, 100 * fit.misfit) for fit in fits]
-    (least, best, small), (more, other, large) = sorted(found)
-    shown = f"of the same points {best} leaves {small:.2g} % and {other} {large:.2g} %"
-    if more - least > MIN_SIGNIFICANT_GAIN:
-        return f"{shown}: the law of {best} is better by more than noise (BIC {more - least:.0f} lower)"
-    return f"{shown}: no more than noise (BIC {more - least:.1f} between them); either may be right"
-
-
 def is_worse(fits: FitComparison) -> bool:
     """Return True if a verdict is graver than the first, which identified is not, or results disagree."""
     first, *others = [max(STATES.index(fit.verdict.state), 1) for fit in fits.fits]
@@ -82,22 +59,14 @@ def diff_command(
     """
     fits, entries = compare_results(*results)
     laws = list(dict.fromkeys(entry.law for entry in entries))
-    preferred = say_preferred(fits.fits, entries) if len(laws) > 1 else ""
     code = DOUBTED_RESULT if is_worse(fits) else USABLE_RESULT
     if json:
-        print_json(
-            {
-                **comparison_entry(fits),
-                "findings": [finding.to_dict() for finding in fits.findings],
-                "preferred": preferred,
-            }
-        )
+        found = [finding.to_dict() for finding in fits.findings]
+        print_json({**comparison_entry(fits), "findings": found})
         return code
     if len(laws) > 1:
         print_line(f"the laws differ: {'; '.join(laws)}")
     print_block("", str(fits))
-    if preferred:
-        print_line(preferred)
     for finding in fits.findings:
         print_line(f"{full_sentence(finding)} {next_step(finding)}")
     return code

@@ -489,8 +489,7 @@ def lag_findings(surface: ResponseSurface) -> tuple[Finding, ...]:
     good = surface.select(surface.settled & np.isfinite(surface.phase) & (surface.amplitude > 0))
     near = np.abs(good.phase - pi / 2) < MAX_LAG_ERROR
     gap = backbone_gap(good.frequency[near], good.amplitude[near])
-    several = () if gap is None else (gap.finding(severity="warning"),)
-    several = (*several, *_lock_lost(good.phase, np.abs(good.force)))
+    several = (*([] if gap is None else [gap]), *_lock_lost(good.phase, np.abs(good.force)))
     return several if surface.lag_assumed else (*several, *_lag(good.phase))
 
 
@@ -534,34 +533,11 @@ def _lock_lost(lag: Array, force: Array) -> tuple[Finding, ...]:
     return (Finding("phase-lock-lost", "warning", numbers=numbers),)
 
 
-@dataclass(frozen=True, slots=True)
-class BackboneGap:
-    """Two groups of points at phase resonance with nothing between.
+def backbone_gap(frequency: Array, amplitude: Array) -> Finding | None:
+    """Find two groups of points at phase resonance (n,), in Hz and m, with nothing between; or None.
 
-    Parameters
-    ----------
-    low, high
-        Median frequency [Hz] of either.
-    overlap
-        True if their amplitudes overlap: one mode has one frequency at an amplitude.
-    """
-
-    low: float
-    high: float
-    overlap: bool
-
-    def finding(self, *, severity: Severity) -> Finding:
-        """Return a doubt about two modes; with this severity where levels may be missing instead."""
-        numbers = {"low": Quantity(self.low, "Hz"), "high": Quantity(self.high, "Hz")}
-        if self.overlap:
-            return Finding("phase-gap", "doubt", numbers=numbers, names={"overlap": "yes"})
-        return Finding("phase-gap", severity, numbers=numbers)
-
-
-def backbone_gap(frequency: Array, amplitude: Array) -> BackboneGap | None:
-    """Return the gap between points at phase resonance (n,), in Hz and m; None if on one backbone.
-
-    A backbone is continuous, but levels may have been left out; two modes have a gap at all levels.
+    A backbone is continuous, but levels may have been left out: a warning. Where the amplitudes of the groups
+    overlap it is a doubt, for one mode has one frequency at an amplitude.
     """
     order = np.argsort(frequency)
     ordered, amplitude = frequency[order], amplitude[order]
@@ -573,11 +549,10 @@ def backbone_gap(frequency: Array, amplitude: Array) -> BackboneGap | None:
     if not steps[at] > max(MIN_MODE_SPACING, _MIN_GAP_RATIO * float(np.delete(steps, at).max())):
         return None
     low, high = amplitude[: at + 1], amplitude[at + 1 :]
-    return BackboneGap(
-        low=float(np.median(ordered[: at + 1])),
-        high=float(np.median(ordered[at + 1 :])),
-        overlap=bool(max(low.min(), high.min()) <= min(low.max(), high.max())),
-    )
+    numbers = quantities("Hz", low=np.median(ordered[: at + 1]), high=np.median(ordered[at + 1 :]))
+    if max(low.min(), high.min()) <= min(low.max(), high.max()):
+        return Finding("phase-gap", "doubt", numbers=numbers, names={"overlap": "yes"})
+    return Finding("phase-gap", "warning", numbers=numbers)
 
 
 def _nearest(lag: Array) -> Array:

@@ -7,7 +7,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from rsgen.common.errors import printable, quote
 from rsgen.data.record_set import QUANTITIES
 from rsgen.files.column_titles import VOLTAGES, is_angular, is_unit, split_title, unit_in
 from rsgen.files.tree import TEXT, Contents, Entry, natural_order
@@ -191,21 +190,6 @@ _SPELLINGS = (
 
 _OF_UNITS = re.compile(r"(?i)unit|einheit")
 _OF_CHANNELS = re.compile(r"(?i)chan|kanal|signal|sensor|name|label")
-_OF_TEST = re.compile(r"(?i)comment|descr|remark|notes?$|info|bemerkung|kommentar|beschreibung")
-_MOST_TEXTS = 2
-"""Texts of a file that a draft repeats, each of at most 60 characters."""
-
-
-def said_in(contents: Contents, of_units: bool = False) -> str:
-    """Say as the end of a comment which texts a file has about the test or, where it has some, its units.
-
-    Which unit is whose they do not say; a person reads them.
-    """
-    texts = [entry for entry in contents.entries if entry.dtype == TEXT and entry.remark.strip()]
-    about = {pattern: [e for e in texts if pattern.search(last_name(e))] for pattern in (_OF_UNITS, _OF_TEST)}
-    found = (about[_OF_UNITS] if of_units else []) or about[_OF_TEST]
-    said = [f"{printable(e.path, 60)} = {quote(e.remark)}" for e in found[:_MOST_TEXTS]]
-    return f"; the file has the text {' and '.join(said)}" if said else ""
 
 
 def channels_of(entry: Entry, contents: Contents) -> list[Entry]:

@@ -233,7 +233,7 @@ def _propose_history(draft: _Draft, time: Entry | None) -> None:
     draft.tables["test"] = {"excitation": excitation}
     if excitation == UNKNOWN:
         table = "" if time else "; a table has [test.frequency] in place of it, with a column such as a_*[1]"
-        draft.ask("test.excitation", f"write {_CHOICES}{table}{clues.said_in(draft.contents)}")
+        draft.ask("test.excitation", f"write {_CHOICES}{table}")
     draft.tables["test.time"] = _time(draft, draft.take(time))
     longest = max((max(entry.shape, default=1) for entry in draft.free), default=0)
     size = time.size if time else longest
@@ -460,7 +460,6 @@ def _ask_unit(draft: _Draft, entry: Entry, place: str, known: bool) -> dict[str,
     if not known:
         said = f'the file says {entry.unit!r}; write unit and factor, as unit = "V", factor = {example}'
         none = f"{entry.unit_source or 'no unit stands with it'}; write the unit"
-        none += clues.said_in(draft.contents, of_units=True)
         draft.ask(f"{place}.unit", said if entry.unit else none)
     elif entry.unit_source:
         draft.doubts[f"{place}.unit"] = entry.unit_source
