@@ -25,6 +25,9 @@ MAX_ROWS = 2**20
 MAX_CELLS = 20_000_000
 """Cells of a sheet, empty ones among others: reading as many takes longer than any file may."""
 _MAX_TITLE_LENGTH = 120
+_WITHOUT_NUMBERS = (
+    "has texts, dates or formulas without stored values; for these open and save the workbook in Excel"
+)
 _Row = Sequence[Any]
 
 
@@ -106,25 +109,14 @@ def _column(rows: Sequence[_Row], place: int, begin: int) -> Array:
     return values
 
 
-def _refused(cells: Sequence[Any]) -> str:
-    """Say why a column without numbers is none."""
-    kinds = {type(cell) for cell in cells if cell is not None}
-    if not kinds:
-        return "has no stored values; where they are formulas, open and save the workbook in Excel"
-    if kinds <= {str}:
-        return "holds texts; numbers are needed"
-    return "holds dates or yes and no; numbers are needed"
-
-
 def _table(sheet: str, rows: Sequence[_Row], only: bool) -> Iterator[Node]:
     first, columns = _begin(rows)
     width = max(map(len, rows), default=0)
     titles = _titles(rows, first, columns, width)
     if not columns:
-        # texts alone, or formulas without their values below a title
         cells = [cell for row in rows for cell in row[:1]]
         title = next((cell.strip()[:_MAX_TITLE_LENGTH] for cell in cells if isinstance(cell, str)), "")
-        yield Node.refused(f"{sheet}/{title or _letter(1)}", _refused(cells[1:]))
+        yield Node.refused(f"{sheet}/{title or _letter(1)}", _WITHOUT_NUMBERS)
         return
     last = max((n for n, row in enumerate(rows) if any(cell is not None for cell in row)), default=-1)
     below = rows[first : last + 1]
@@ -136,9 +128,8 @@ def _table(sheet: str, rows: Sequence[_Row], only: bool) -> Iterator[Node]:
             path = f"{sheet}/{_letter(place + 1)}"
         used.add(path)
         if place not in columns:
-            cells = [row[place] for row in below if place < len(row)]
-            if title or any(cell is not None for cell in cells):
-                yield Node.refused(path, _refused(cells))
+            if title or any(place < len(row) and row[place] is not None for row in below):
+                yield Node.refused(path, _WITHOUT_NUMBERS)
             continue
         fault = ""
         values = np.empty(0)

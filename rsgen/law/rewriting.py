@@ -9,11 +9,10 @@ term is smooth between the switches.
 
 Thresholds of a step H(s), s without switches: s is split into factors, numerator and denominator alike, and
 polynomials in x and v of moderate degree are factored further (``_factors``). Only factors of odd order
-change the sign. One that is linear in x or v alone has its root for a threshold, one that is quadratic its
-two roots, which are merged where they are not real (``_quadratic``). All others that change it, as cubics and
-functions of both x and v, keep their function as the place of the step (``_other``). A distance with an
-offset, a abs(g) + c, has two thresholds (``_step_of_distance``); any other s with switches is asked with each
-of them on and off (``_step_by_cases``).
+change the sign. One that is linear in x or v alone has its root for a threshold. All others that change it,
+as quadratics without rational roots and functions of both x and v, keep their function as the place of the
+step (``_other``). A distance with an offset, a abs(g) + c, has two thresholds (``_step_of_distance``); any
+other s with switches is asked with each of them on and off (``_step_by_cases``).
 
 A Piecewise is the sum of its branches, each where its condition holds and none before it does; together they
 must hold everywhere, so that the last condition is mostly True. A relation a < b is the step H(b - a), and
@@ -61,25 +60,8 @@ MAX_DEGREE = 12
 """Largest degree of a polynomial that is factored."""
 
 
-def _step_at(variable: sympy.Symbol, threshold: sympy.Expr) -> Form:
-    return step(x=threshold) if variable == STATE_X else step(v=threshold)
-
-
-def _quadratic(variable: sympy.Symbol, a: sympy.Expr, b: sympy.Expr, c: sympy.Expr) -> Form:
-    """Return the sign of a s**2 + b s + c; a negative discriminant merges both roots, without effect."""
-    discriminant = sympy.expand(b**2 / 4 - a * c)
-    if discriminant.is_nonpositive:
-        return sign_of_parameter(a)
-    if not discriminant.is_nonnegative:
-        discriminant = sympy.Max(0, discriminant)
-    half = sympy.sqrt(discriminant) / sympy.Abs(a)
-    middle = -b / (2 * a)
-    inside = add(_step_at(variable, middle - half), scale(_step_at(variable, middle + half), -1))
-    return multiply(add(constant(1), scale(inside, -2)), sign_of_parameter(a))
-
-
-def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
-    """Return the sign of an irreducible polynomial in one variable; None where its degree is above two."""
+def _linear(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
+    """Return the sign of a polynomial in one variable; None where it is not linear."""
     if is_long(factor):
         return None
     try:
@@ -87,17 +69,12 @@ def _polynomial(factor: sympy.Expr, variable: sympy.Symbol) -> Form | None:
     except sympy.PolynomialError:
         return None
     coefficients = polynomial.all_coeffs()
-    if any(moves(c) for c in coefficients):
+    if polynomial.degree() != 1 or any(moves(c) for c in coefficients):
         return None
-    degree = polynomial.degree()
-    if degree == 1:
-        slope, offset = coefficients
-        threshold = sympy.expand_mul(-offset / slope)
-        beyond = add(constant(-1), scale(_step_at(variable, threshold), 2))
-        return multiply(beyond, sign_of_parameter(slope))
-    if degree == 2:
-        return _quadratic(variable, *coefficients)
-    return None
+    slope, offset = coefficients
+    threshold = sympy.expand_mul(-offset / slope)
+    place = step(x=threshold) if variable == STATE_X else step(v=threshold)
+    return multiply(add(constant(-1), scale(place, 2)), sign_of_parameter(slope))
 
 
 def _other(factor: sympy.Expr) -> Form:
@@ -116,7 +93,7 @@ def _sign_of_factor(factor: sympy.Expr) -> Form:
     if factor.is_nonpositive:
         return constant(-1)
     states = factor.free_symbols & {STATE_X, STATE_V}
-    form = _polynomial(factor, states.pop()) if len(states) == 1 else None
+    form = _linear(factor, states.pop()) if len(states) == 1 else None
     return _other(factor) if form is None else form
 
 
@@ -261,11 +238,6 @@ def _power(power: sympy.Pow) -> Form:
     if isinstance(base, sympy.Abs) and not _switches(base.args[0]):
         coefficient, rest = split_moving(base.args[0], as_Add=False)
         return constant(sympy.Abs(coefficient) ** exponent * sympy.Abs(rest) ** exponent)
-    if base.is_Mul:
-        signless = [f for f in base.args if f.is_nonnegative]
-        if signless:
-            rest = sympy.Mul(*(f for f in base.args if not f.is_nonnegative))
-            return multiply(*(_form(factor**exponent) for factor in (rest, *signless)))
     form = _form(base)
     if len(form) == 1 and ALWAYS not in form and not exponent.is_nonpositive:
         ((key, term),) = form.items()
@@ -307,12 +279,8 @@ def _step_of_distance(inner: sympy.Expr) -> Form | None:
         return None
     factor, function = split_moving(distance.args[0], as_Add=False)
     reach = sympy.expand_mul(-offset / (slope * sympy.Abs(factor)))
-    if reach.is_nonpositive:
-        outside = constant(1)
-    else:
-        reach = reach if reach.is_nonnegative else sympy.Max(0, reach)
-        above, below = step_of_smooth(function - reach), step_of_smooth(-function - reach)
-        outside = add(above, below)
+    reach = reach if reach.is_nonnegative else sympy.Max(0, reach)
+    outside = add(step_of_smooth(function - reach), step_of_smooth(-function - reach))
     sign = multiply(sign_of_parameter(slope), add(scale(outside, 2), constant(-1)))
     return scale(add(constant(1), sign), sympy.Rational(1, 2))
 

@@ -21,7 +21,7 @@ from rsgen.analysis.comparison import all_findings, verdict_of
 from rsgen.common.arrays import Array
 from rsgen.common.finding import STATES, USABLE, Finding, Quantity, quantities, reasons_of, steps_once
 from rsgen.common.output import write_atomic
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS, is_significant
+from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.describing.derivation import derive, derive_off_centre
@@ -35,7 +35,6 @@ from rsgen.law.character import CANCELLATION_TOLERANCE
 from rsgen.law.element import Element
 from rsgen.law.memory import FORCE_KEYS, memory_form, with_equations
 from rsgen.law.notation import mathml
-from rsgen.law.numeric import compile_law
 from rsgen.report import page_tables as tables
 from rsgen.report import sentences
 from rsgen.report.figures import Drawing
@@ -245,30 +244,7 @@ def element_finding(element: Element, identification: Identification, ends: Ends
         if unknown or not own or element.force.has(symbol("x")):
             return course if unknown else None
     numbers, states = _course(element, identification, values, ends)
-    if not unknown and not element.across:
-        numbers |= _sides(element, identification, values)
-        if any(found.code == "mirror-image-fits" for found in identification.findings):
-            pull, push = (numbers[name].value if name in numbers else np.nan for name in ("pull", "push"))
-            # of an even force there is no other side, but the other sign
-            states |= {"sides": "same" if np.isclose(pull, push, rtol=1e-3) else "not known"}
     return replace(course, numbers=numbers, names={**course.names} | states)
-
-
-def _sides(element: Element, identification: Identification, values: dict[str, float]) -> dict[str, Quantity]:
-    """Return the forces of a spring at both ends of the largest motion, if they differ beyond noise."""
-    law, largest = compile_law(element.force), identification.amplitude_range[1]
-    if law.odd or law.remembers or not law.springs:
-        return {}
-    still = law.still(np.array([largest, -largest]), np.array([values[name] for name in law.parameters]))
-    slopes = {name: slope.sum() for name, slope in zip(law.parameters, still.by_parameter, strict=True)}
-    change = np.array([slopes.get(one.name, 0.0) for one in identification.refined])
-    error = np.sqrt(change @ identification.covariance @ change)
-    difference = abs(still.force.sum())
-    # more than a thousandth of the force, too: round-off has no error
-    if not (is_significant(difference, error) and difference > 1e-3 * np.abs(still.force).max()):
-        return {}
-    pull, push = (Quantity(float(force), identification.curve.units.of("N")) for force in still.force)
-    return {"pull": pull, "push": push, "largest": Quantity(largest, "m")}
 
 
 def resonance_course(identification: Identification, ends: Ends) -> list[Finding]:

@@ -4,7 +4,6 @@ import errno
 import logging
 import os
 import shlex
-import sys
 from pathlib import Path
 
 import pytest
@@ -34,13 +33,6 @@ def test_letters_that_an_output_does_not_have_are_escaped():
     program = "from rsgen.app.cli import terminal as t; t.open_streams(); t.write_output('10 \u03a9')"
     done = python("-c", program, env={**os.environ, "PYTHONIOENCODING": "ascii"})
     assert (done.stdout, done.stderr) == ("10 \\u03a9\n", "")
-
-
-@posix
-def test_a_limit_that_would_end_the_process_is_refused():
-    limited = start("bash", "-c", f"ulimit -v 300000; {sys.executable} -m rsgen laws")
-    assert (limited.returncode, limited.stdout) == (2, "")
-    assert limited.stderr.startswith("ulimit -v: memory is limited to 292 MB; at least 400 MB are needed")
 
 
 def test_what_the_system_refuses_is_no_fault_of_the_program():

@@ -106,8 +106,8 @@ def test_formulas_and_texts_of_sheets_are_said(tmp_path):
     book.active["G1"], book.active["G2"] = "sum", "=A3+1"
     book.save(path)
     entries = {entry.path.split("/")[-1]: entry for entry in list_contents(path).entries}
-    assert "open and save the workbook in Excel" in entries["sum"].fault
-    assert entries["comma"].fault == "holds texts; numbers are needed"
+    for name in ("sum", "comma"):
+        assert "open and save the workbook in Excel" in entries[name].fault
 
 
 @pytest.mark.slow

@@ -114,10 +114,6 @@ def _options(
 CLEARING_SECONDS = 2.0
 """A second interrupt within this time is ignored, so that clean-up can finish."""
 
-LEAST_MEGABYTES = 400
-"""Of address space. With 300 the library of linear algebra ends the process as it is loaded, with a code and
-words of its own; from 350 on what is missing becomes an error of Python."""
-
 _SOON = 0.05
 """Seconds after which an interrupt that Python threw away is repeated."""
 
@@ -153,25 +149,6 @@ def _repeat(lost: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(lost)
 
 
-def _check_memory() -> None:
-    """Refuse a limit under which a library would end the process itself.
-
-    Raises
-    ------
-    RsgenError
-        The address space is limited to less than ``LEAST_MEGABYTES``.
-    """
-    if os.name != "posix":
-        return
-    resource: Any = import_module("resource")
-    most, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if most != resource.RLIM_INFINITY and most < LEAST_MEGABYTES * 2**20:
-        raise RsgenError(
-            f"ulimit -v: memory is limited to {most // 2**20} MB; at least {LEAST_MEGABYTES} MB are needed, "
-            "a run takes two to three times as much"
-        )
-
-
 def run_program(arguments: Sequence[str] | None) -> None:
     """Run a command and exit with its code; ``arguments`` as in ``rsgen.app.cli.main``."""
     code: object = FAULTY
@@ -185,7 +162,6 @@ def run_program(arguments: Sequence[str] | None) -> None:
         single_thread()
         collect_seldom()
         leave_at_once()
-        _check_memory()
         # figures go to files alone, and the user's choice of windows need not be there
         os.environ["MPLBACKEND"] = "agg"
         # they would be looked for among all packages installed, and add nothing to case files
