@@ -44,7 +44,6 @@ _WINDOWS = {1: "Hanning window", 2: "Hanning window", 3: "flattop window", 4: "e
             5: "impact window", 6: "impact and exponential window"}  # fmt: skip
 _EXPONENTIAL = (4, 6)
 _SCALES = {1: "half-peak", 2: "peak", 3: "rms"}
-_WEIGHTINGS = {1: "A", 2: "B", 3: "C", 4: "D"}
 _DIRECTIONS = {"1": "+X", "2": "+Y", "3": "+Z", "-1": "-X", "-2": "-Y", "-3": "-Z"}
 _ROTATIONS = (1, 3)
 
@@ -77,11 +76,8 @@ def _fault_of(head: _Head, said: _Qualifiers) -> str:
         return f"is a force over a motion ({what}); receptance, mobility or accelerance is needed"
     if said.numerator in _ROTATIONS or said.denominator in _ROTATIONS:
         return "is of a rotation or a moment (data set 1858); motions along a line and forces are read"
-    if said.octave:
-        return f"is in bands of 1/{said.octave} octave (data set 1858); narrow lines are needed"
-    if said.weighting:
-        weighting = _WEIGHTINGS.get(said.weighting, str(said.weighting))
-        return f"has a frequency weighting ({weighting}, data set 1858); numbers without one are needed"
+    if said.octave or said.weighting:
+        return "is in bands of octaves or weighted (data set 1858); narrow lines without weighting are needed"
     return ""
 
 

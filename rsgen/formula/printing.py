@@ -284,8 +284,6 @@ class Printer(ABC):
 
     def _term(self, expr: sympy.Expr) -> tuple[str, Level]:
         signed, *halves = split_product(expr)
-        if expr.is_Mul and len(expr.args) == 2 and expr.args[0] == -1 and expr.args[1].is_Add:
-            return self._sum(sympy.Add(*(-term for term in expr.args[1].args))), Level.SUM
         (above, factors), (below, divisors) = map(_by_names, halves)
         number, negative = abs(signed), bool(signed < 0)
         if negative and self.reads_back:

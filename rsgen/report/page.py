@@ -26,7 +26,6 @@ from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.describing.derivation import derive, derive_off_centre
 from rsgen.describing.function import PrintedComparison
-from rsgen.formula.names import symbol
 from rsgen.formula.reading import parse
 from rsgen.formula.units import count_text, number_text, quantity_text
 from rsgen.identification.results import Identification, MultisineIdentification
@@ -239,10 +238,7 @@ def element_finding(element: Element, identification: Identification, ends: Ends
     names = sorted(identification.model.parameters)
     values = dict(zip(names, identification.solution.tolist(), strict=True))
     if len(unknown) == len(element.parameters) > 0 or not np.isfinite(list(values.values())).all():
-        # without a mass the rest of a law has no values, which a damper of the velocity alone does not need
-        own = np.isfinite([values[name] for name in element.parameters]).all()
-        if unknown or not own or element.force.has(symbol("x")):
-            return course if unknown else None
+        return course if unknown else None
     numbers, states = _course(element, identification, values, ends)
     return replace(course, numbers=numbers, names={**course.names} | states)
 

@@ -42,7 +42,8 @@ if TYPE_CHECKING:
 Say = Callable[[Finding], str]
 
 CODES: dict[str, Say] = {}
-"""The function that says a finding, by the code of the finding."""
+"""The function that says a finding, by the code of the finding: in lower case and without a full stop, so
+that it can be part of a line."""
 
 NEXT_STEPS: dict[str, Say] = {}
 """Next step after a finding that casts doubt on a result, by its code, in the order in which to take them: a
@@ -130,19 +131,6 @@ def _holds(finding: Finding, conditions: str) -> bool:
         if (found == value if compared else found != "") is name.endswith("!"):
             return False
     return True
-
-
-def says(code: str) -> Callable[[Say], Say]:
-    """Register the sentence of a code: a function of the finding, whose numbers format as in a book.
-
-    A sentence begins in lower case and has no full stop, so that it can be part of a line.
-    """
-
-    def register(function: Say) -> Say:
-        CODES[code] = function
-        return function
-
-    return register
 
 
 def _fill(said: str | Mapping[str, str], words: Mapping[str, Mapping[str, str]], finding: Finding) -> str:
@@ -382,7 +370,6 @@ def _older(result: Mapping[str, Any]) -> StatedVerdict:
     }
 
 
-@says("no-law-fits")
 def _no_law_fits(f: Finding) -> str:
     """Say what the best law leaves, and in which harmonics."""
     named = {"harmonic 0": "mean", "harmonic 1": "fundamental"}
@@ -403,3 +390,6 @@ def _no_law_fits(f: Finding) -> str:
         f"unexplained (noise, judged by how much {'neighbouring points' if orders else 'periods'} differ: "
         f"{noise}); all candidates assume one mode: {cause}; {text}"
     )
+
+
+CODES["no-law-fits"] = _no_law_fits

@@ -224,8 +224,8 @@ def test_amplitudes_of_spectra_are_what_the_file_says(tmp_path, run_cli, said, s
 
 
 @pytest.mark.parametrize(("said", "axes", "reason"), [
-    ({"octave_format": 3}, (11, 13), "is in bands of 1/3 octave"),
-    ({"weighting_type": 1}, (11, 13), r"has a frequency weighting \(A, data set 1858\)"),
+    ({"octave_format": 3}, (11, 13), "is in bands of octaves or weighted"),
+    ({"weighting_type": 1}, (11, 13), "is in bands of octaves or weighted"),
     ({"ordinate_denominator_data_type_qualifier": 3}, (11, 13), "is of a rotation or a moment"),
     ({}, (13, 12), r"is a force over a motion \(apparent mass\); receptance, mobility or accelerance"),
 ])  # fmt: skip

@@ -41,9 +41,6 @@ from rsgen.report.result_json import Entry, read_estimate
 
 RESULT = "result.json"
 
-_PROGRESS_SECONDS = 0.2
-"""Minimum interval between progress messages of one stage."""
-
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -68,19 +65,10 @@ Progress = Callable[[Step], None]
 
 
 def stage_reporter(case: Case, progress: Progress | None) -> Callable[[str, float], None]:
-    """Return a function of stage and share that reports every new stage, and shares now and then."""
+    """Return a function of stage and share that reports how far a case has come."""
     if progress is None:
         return lambda stage, share: None
-    last = ("", 0.0)
-
-    def report(stage: str, share: float) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if last[0] != stage or now - last[1] > _PROGRESS_SECONDS:
-            last = (stage, now)
-            progress(Step(case.path, stage, share))
-
-    return report
+    return lambda stage, share: progress(Step(case.path, stage, share))
 
 
 @dataclass(frozen=True, slots=True)

@@ -347,7 +347,7 @@ def _write_signals(
     elif force is not None:
         draft.tables["test.force"] = _force(draft, force)
     else:
-        _ask_force(draft, responses, free)
+        _ask_force(draft, responses)
     if responses:
         columns = [*(column for sensor in free for _, column in sensor.places), *loose]
         if rest := [clues.called(column) for column in columns if column.unit not in (*HERTZ, *SECONDS)]:
@@ -359,7 +359,7 @@ def _write_signals(
     return bool(force or base)
 
 
-def _ask_force(draft: _Draft, responses: Sequence[Sensor], free: Sequence[Sensor]) -> None:
+def _ask_force(draft: _Draft, responses: Sequence[Sensor]) -> None:
     """Write what stands for a force that no column names, or ask where it is."""
     if "test.time" not in draft.tables:
         draft.tables["test.force"] = {"nominal": True}
@@ -370,8 +370,6 @@ def _ask_force(draft: _Draft, responses: Sequence[Sensor], free: Sequence[Sensor
                 "no force, and the only motion is that of a base: write that of the mass into "
                 "the file, such as transmissibility times base",
             )
-    elif draft.tables["test"]["excitation"] == UNKNOWN and responses and not free:
-        draft.doubts["test.excitation"] += "; no column is left for a force, which all but a ring-down need"
     elif draft.tables["test"]["excitation"] != "ring-down":
         draft.tables["test.force"] = {"samples": UNKNOWN, "unit": "N"}
         draft.ask("test.force.samples", "write the path of the force; a ring-down needs none")

@@ -263,13 +263,6 @@ def find_sensors(columns: Sequence[Entry]) -> tuple[list[Sensor], list[Entry]]:
         if id(entry) not in used:
             found[place[id(entry)]] = Sensor(entry, (("amplitude" if is_real(entry) else "complex", entry),))
     loose = _pair_phases(found, phases)
-    nameless = [entry for entry in loose if all(word.isdigit() for word in words_of(entry))]
-    before = [found.get(place[id(entry)] - 1) for entry in nameless]
-    if len(nameless) > 1 and all(sensor and not sensor.has_phase for sensor in before):
-        for entry in nameless:
-            number = place[id(entry)] - 1
-            found[number] = found[number].with_phase(entry, "the column behind; its title names no channel")
-        loose = [entry for entry in loose if not all(word.isdigit() for word in words_of(entry))]
     return [found[number] for number in sorted(found)], loose
 
 
