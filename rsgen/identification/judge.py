@@ -40,7 +40,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.oscillator import Model, force_units, refuse_across
 from rsgen.data.surface.mode_findings import derivative_findings, mode_findings
-from rsgen.data.surface.plausibility import plausibility_findings
+from rsgen.data.surface.plausibility import backbone_gap, plausibility_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
@@ -49,8 +49,8 @@ from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import (
     Points,
+    at_phase_resonance,
     at_rest,
-    gap_of,
     loop_error,
     refuse_resonance_alone,
     select_points,
@@ -245,7 +245,7 @@ def of_one_mode(findings: tuple[Finding, ...], points: Points, misfit: float) ->
     overlap, or where the misfit [1] of one law for both is large.
     """
     rest = tuple(finding for finding in findings if finding.code != "phase-gap")
-    gap = gap_of(points)
+    gap = backbone_gap(*at_phase_resonance(points))
     if len(rest) == len(findings) or gap is None:
         return rest
     one_mode = "overlap" not in gap.names and misfit < RELATIVE_ERROR_DOUBTFUL

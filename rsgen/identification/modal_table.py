@@ -42,6 +42,7 @@ from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
 from rsgen.data.surface.mode_findings import levels_tested
+from rsgen.data.surface.plausibility import backbone_gap
 from rsgen.data.surface.response_surface import ResponseSurface, typical_amounts, within_half_power
 from rsgen.identification.fitting.fit import fit_balance
 from rsgen.identification.fitting.forward import ErrorsInVariables
@@ -53,9 +54,9 @@ from rsgen.identification.fitting.points import (
     Points,
     amplitudes_near,
     assumed_mass,
+    at_phase_resonance,
     at_resonance_alone,
     count_amplitudes,
-    gap_of,
     held_amplitudes,
     loop_error,
     mass_sure,
@@ -431,7 +432,7 @@ def _mode_points(points: Points, model: Model, response_held: bool) -> ModePoint
     # smaller motions determine the background only
     rows = np.flatnonzero((size >= tested[0]) | bool(len(background)))
     rows = rows[mode.select(rows).spread(_MAX_POINTS)]
-    gap = gap_of(mode) if near_resonance(mode) else None
+    gap = backbone_gap(*at_phase_resonance(mode)) if near_resonance(mode) else None
     if gap is not None and "overlap" in gap.names:
         raise RsgenError(
             f"modal table: points at phase resonance lie near {gap['low']:.4g} and {gap['high']:.4g} Hz, "
@@ -574,7 +575,7 @@ def _table(modal: ModeProblem, found: Regression, surface: ResponseSurface, mode
     out = np.flatnonzero(surface.held_out(model.observation.hold_out) & surface.settled)
     gaps = gaps_between(modal.seen.near, amplitudes_near(surface.select(out)))
     findings += scattered(misfit) + holes(modal.seen.levels, gaps)
-    gap = gap_of(modal.seen.mode) if near_resonance(modal.seen.mode) else None
+    gap = backbone_gap(*at_phase_resonance(modal.seen.mode)) if near_resonance(modal.seen.mode) else None
     if gap is not None:
         findings += (gap,)
     kilogram = kilogram if calibrated and not modal.assumed else nan

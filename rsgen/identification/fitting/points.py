@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, Chosen, take_rows
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding
 from rsgen.common.tolerances import (
     ASSUMED_RELATIVE_NOISE,
     NOISE_RATIO_BY_CHANCE,
@@ -28,7 +27,7 @@ from rsgen.data.history.envelope import NOISE_OF_SLOPE
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, join_model
 from rsgen.data.surface.columns import levels_in_noise
-from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG, backbone_gap
+from rsgen.data.surface.plausibility import MAX_LAG_ERROR, MAX_RESONANT_LAG
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within_half_power
 from rsgen.formula.names import symbol
 from rsgen.law.character import character
@@ -514,10 +513,10 @@ def assumed_mass(points: Points, ratio: float) -> float:
     return float(np.median(np.abs(stiffness.imag) / points.omega**2)) / (2 * ratio)
 
 
-def gap_of(points: Points) -> Finding | None:
-    """Find a gap between two groups of points at phase resonance; None if they lie on one backbone."""
+def at_phase_resonance(points: Points) -> tuple[Array, Array]:
+    """Return frequency [Hz] and amplitude [m] of the points at phase resonance."""
     near = points.in_quadrature
-    return backbone_gap(points.omega[near] / (2 * np.pi), points.amplitude[near])
+    return points.omega[near] / (2 * np.pi), points.amplitude[near]
 
 
 def loop_error(influence: Array) -> Array:

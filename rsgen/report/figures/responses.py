@@ -259,20 +259,22 @@ def draw_held_out(prediction: Prediction, *, ax: GivenAxes = None) -> Drawing:
     Parameters
     ----------
     prediction
-        Made with a surface and with levels held out, else the figure says that there are none; that of a
-        multisine has the figure of ``draw_predicted_record``.
+        Made with a surface and with levels held out; that of a multisine has the figure of
+        ``draw_predicted_record``.
     ax
         Axes, one a level; None makes a figure.
+
+    Raises
+    ------
+    RsgenError
+        No level was held out.
     """
     if prediction.records:
         return draw_predicted_record(prediction, ax=ax)
     groups = _group(prediction.held_out)
-    count = max(len(groups), 1)
-    figure, panels = take_axes(ax, count, (4.4, 1.2 + 1.45 * count), sharex=True)
     if not groups:
-        panels[0].set_axis_off()
-        panels[0].text(0.5, 0.5, "no level was held out", ha="center", va="center")
-        return Drawing("held-out", figure, "No level was held out.", ax is None)
+        raise RsgenError("prediction: no level was held out; name some in hold_out")
+    figure, panels = take_axes(ax, len(groups), (4.4, 1.2 + 1.45 * len(groups)), sharex=True)
     for axes, items in zip(panels, groups.values(), strict=False):
         held = _draw_level(axes, items, prediction)
     panels[0].legend(loc="best")
