@@ -140,7 +140,8 @@ def make_observation(table: Any, test: PlannedTest, maker: Maker) -> Observation
         if len(planned):
             meant = match_level(planned, level)
             if meant is None:
-                maker.faults.append(f"{place}: {level:g} {unit} is not tested; one of test.level is needed")
+                tested = listed([f"{one:g}" for one in planned])
+                maker.faults.append(f"{place}: {level:g} {unit} is not tested; test.level has {tested}")
                 continue
             level = meant
         if level in levels:

@@ -207,11 +207,11 @@ class Records(ABC):
 
     @property
     def level_names(self) -> str:
-        """All levels as a message lists them, with their labels where they have any."""
+        """All levels as ``hold_out`` takes them, by their labels where they have any, with their unit."""
         if self.label is None:
-            return ", ".join(f"{one:g}" for one in self.levels)
-        pairs = np.unique([self.level, self.label], axis=1).T
-        return ", ".join(f"{one:g} (label {name:g})" for one, name in pairs)
+            return f"{', '.join(f'{one:g}' for one in self.levels)} {self.level_unit}"
+        pairs = np.unique([self.label, self.level], axis=1).T
+        return ", ".join(level_name(level, self.level_unit, f"{label:g}") for label, level in pairs)
 
     def label_of(self, level: float) -> str:
         """Return the labels of a level as text; "" where it has none."""
@@ -232,7 +232,7 @@ class Records(ABC):
         for level in asked:
             if self.find_level(level) is None:
                 unit = self.level_unit
-                has = f"it has {self.level_names} {unit}"
+                has = f"it has {self.level_names}"
                 if "sweep" in self.columns and MIN_POINTS_OF_RUN < len(self) == len(self.levels):
                     has = "each point has its own; give all of a sweep its nominal one, as by numpy.repeat"
                 raise RsgenError(f"hold_out: no level {level:g} {unit} in the test; {has}")

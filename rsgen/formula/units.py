@@ -22,6 +22,7 @@ _NUMBER = re.compile(
 UNKNOWN = "?"
 """Begins a value that only the user knows, in a case that was proposed from a file."""
 _USAGE = 'write a number with its unit, such as "5.92 kN/m", or a bare number in SI units'
+_RMS = re.compile(r"(.*?)[ _(]*rms\)?", re.IGNORECASE)
 _HERTZ = Dimension({"Hz": Fraction(1)})
 _RATE = Dimension({"s": Fraction(-1)})
 _ACCELERATION = "m/s^2"
@@ -172,7 +173,14 @@ def quantity(value: object, unit: str | None = None) -> float:
     try:
         found = read_unit(text)
     except RsgenError as fault:
-        raise RsgenError(f"{shown(value)}: {fault}") from None
+        rms = _RMS.fullmatch(text)
+        if rms is None:
+            raise RsgenError(f"{shown(value)}: {fault}") from None
+        peak = _finite(number * Fraction(math.sqrt(2)), shown(value))
+        raise RsgenError(
+            f"{shown(value)} is a root mean square; write the peak value {shown(f'{peak:.4g} {rms[1]}')}, or "
+            'leave rms out: of levels of a multisine, and where scale = "rms" says it'
+        ) from None
     if unit is not None:
         needed_dimension = read_unit(unit).dimension
         if found.dimension != needed_dimension:

@@ -187,7 +187,7 @@ def test_records_are_held_out_by_their_labels():
     # a label within its printed digits, as of a surface; the refusal lists labels
     thirds = replace(spectra, label=np.array([1 / 3, 2 / 3, 1.0]))
     assert thirds.held_out((0.667,)).tolist() == [False, True, False]
-    with pytest.raises(RsgenError, match=r"label 0\.333333"):
+    with pytest.raises(RsgenError, match=r"it has 0\.333333 \(2 N\), 0\.666667 \(4 N\), 1 \(6 N\)"):
         thirds.require_levels((9.0,))
 
 

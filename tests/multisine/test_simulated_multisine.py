@@ -143,7 +143,7 @@ def test_a_case_of_a_virtual_multisine_is_checked_and_simulated(tmp_path, run_cl
     assert (again.response == spectra.response).all()
     assert (again.origin, again.base, again.levels.tolist()) == ("simulated", "", spectra.levels.tolist())
     write_small(tmp_path, "lines", CASE | {"identify.hold_out": ["6 N"]})
-    assert "6 N is not tested; one of test.level is needed" in run_cli("check", case).err
+    assert "6 N is not tested; test.level has 3, 5, 8" in run_cli("check", case).err
 
 
 def _damaged(folder, **changes):

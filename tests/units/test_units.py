@@ -43,6 +43,8 @@ def test_a_quantity_is_its_si_value(text, unit, value):
     ("", "N", "is not a number with a unit"), ("N", "N", "is not a number with a unit"),
     ("5,92 kN", "N", "write a decimal point"), ("5 kn/m", "N/m", "N/m (a stiffness) is needed"),
     ("5 Nm", "N", "the unit 'Nm' is not known, did you mean 'N*m'?"),
+    ("2.7 N rms", "N", "'2.7 N rms' is a root mean square; write the peak value '3.818 N'"),
+    ("2 Vrms", "N", "peak value '2.828 V', or leave rms out"), ("1e999 N rms", "N", "out of range"),
     ("22.5 mv/N", None, "'mv' is not known, did you mean 'mV'?"), ("5 n", "N", "did you mean 'N'?"),
     ("5 kn", "N", "'5 kn' is a velocity, but N (a force) is needed; did you mean 'kN'?"),
     ("20 degC", None, "has an offset or is logarithmic"),
