@@ -319,7 +319,7 @@ def responses_of_others(
     levels = np.unique(level)
     a, b, mends = _exchanged_levels(pushed, moved, compared, falls)
     alike = mends and abs(moved + pushed)[a, b] < np.log(LEVEL_TOLERANCE)
-    if not alike and (found := _level_in_other_unit(levels, moved - pushed, factors)):
+    if found := _level_in_other_unit(levels, moved - pushed, factors, 2 if alike else 1):
         return found
     numbers = quantities("N", low=levels[a], high=levels[b])
     numbers |= quantities(pushed=np.exp(pushed[a, b]), moved=np.exp(moved[a, b]))
@@ -346,16 +346,21 @@ def _exchanged_levels(
     return int(pairs[0, 0]), int(pairs[0, 1]), False
 
 
-def _level_in_other_unit(levels: Array, gains: Array, factors: Mapping[str, float]) -> list[Finding]:
+def _level_in_other_unit(
+    levels: Array, gains: Array, factors: Mapping[str, float], least: int
+) -> list[Finding]:
     """Return a finding if the response per force of one level is a factor times that of all others, or less.
 
-    Steps ``gains`` (k, k) are those of the logarithm of the response per force.
+    Steps ``gains`` (k, k) are those of the logarithm of the response per force. The others are at ``least``
+    so many: of two levels that were exchanged each differs from the other by the square of what it differs
+    by from a third.
     """
     known = np.isfinite(gains) & ~np.eye(len(levels), dtype=bool)
+    enough = known.sum(axis=1) >= least
     for near, by in factors.items():
         larger = known & (np.abs(-gains / np.log(by) - 1) < 1 / 8)
         for differing in (larger, larger.T):
-            alone = known.any(axis=1) & (differing == known).all(axis=1)
+            alone = enough & (differing == known).all(axis=1)
             if alone.any():
                 at = int(np.argmax(alone))
                 numbers = quantities("N", level=levels[at])
