@@ -13,7 +13,7 @@ from rsgen.common.finding import Finding, reasons_of, steps_once
 from rsgen.data.surface.mode_findings import fixed_contradicted, mode_findings
 from rsgen.formula.reading import parse
 from rsgen.identification.fitting import least_squares
-from rsgen.identification.results.result import mass_lines
+from rsgen.identification.results.result import changed, mass_lines
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from rsgen.report.sentences import next_step, state_verdict
@@ -395,7 +395,12 @@ def test_where_forces_follow_the_mass_all_linear_values_have_its_error():
     # of a given motion of the base the response is that of any mass
     bands = [rsgen.predict(one, [1.5]).curves[0].upper for one in (exact, asked)]
     assert bands[1] == pytest.approx(bands[0], nan_ok=True)
+    infinite = replace(asked["m"], standard_error=np.inf)
+    others = tuple(one for one in asked.refined if one.name != "m")
+    assert "is not determined with the test;" in mass_lines(changed(asked, refined=(*others, infinite)))[0]
     table = rsgen.modal_table(shaken, **given)
+    for error, said in ((0.1, " ± 0.2"), (0.0, ", given"), (np.nan, ", its error not determined")):
+        assert str(replace(table, mass_error=error)).partition("\n")[0].endswith(f"mass 1.5 kg{said}")
     assert (table.mass, table.mass_error) == pytest.approx((MASS, 0.02 * MASS))
     with pytest.raises(rsgen.RsgenError, match="a term of the law without a free factor"):
         rsgen.identify(shaken, "5920*x + kn*x**3 + c*v", **given)

@@ -107,7 +107,9 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
         away = abs(mass.value - weighed[0]) / weighed[1]
         if away > interval_sigmas():
             now += f", {away:.2g} times that error off"
-        if away > STANDARD_ERRORS_OF_DIFFERENCE:
+        if not isfinite(mass.standard_error):
+            now = "is not determined with the test"
+        elif away > STANDARD_ERRORS_OF_DIFFERENCE:
             now += ": law, mass or units of the channels are wrong"
         elif mass.standard_error >= (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
             now = "is not checked by the test"
@@ -123,8 +125,7 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
         )
     held = found.curve.level_unit == "m" and not found.curve.base
     off = off_by_scale({one.name: one.unit for one in found if one.identifiable}, held=held)
-    common = f"m does not show a factor that force and response share: {off}"
-    return [said, *[common] * bool(off and not rms)]
+    return [said, *[f"m does not show a factor that force and response share: {off}"] * bool(off and not rms)]
 
 
 def held_out_lines(held_out: Iterable[Any], usable: bool = False) -> list[str]:
