@@ -56,6 +56,15 @@ def test_a_level_with_the_response_of_another_one_is_doubted_held_out_or_not():
         assert not found.verdict.usable
 
 
+@pytest.mark.parametrize(("off", "others"), [([2], ""), ([2, 4], "19.6 N at 9.8 N")])
+def test_levels_that_are_another_multiple_of_their_forces_are_named_in_one_finding(off, others):
+    surface = cubic_surface(levels=6, frequencies=31)
+    force = surface.force * (1 + np.isin(surface.level, surface.levels[off]))
+    found = [one for one in level_findings(fundamentals(surface, force=force)) if "force" in one.numbers]
+    assert [(one.code, one.names["others"]) for one in found] == [("levels-disagree", others)]
+    assert [found[0]["level"], found[0]["force"]] == pytest.approx([5.4, 10.8])
+
+
 @pytest.mark.parametrize("factor", [1.9, 0.506])
 def test_forces_of_one_proportion_to_all_levels_are_named(factor):
     surface = cubic_surface()

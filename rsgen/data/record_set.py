@@ -71,8 +71,9 @@ def misnamed_levels(levels: Array, amounts: Array, known: Sequence[Finding]) -> 
     another: numbers of runs are neither. What is known is not said again.
     """
     if off := levels_off(levels, amounts, known):
-        pairs = [(Quantity(float(levels[at]), "N"), Quantity(float(amounts[at]), "N")) for at in off]
-        return [Finding("levels-disagree", "doubt", numbers=quantities(level=a, force=b)) for a, b in pairs]
+        numbers = quantities("N", level=levels[off[0]], force=amounts[off[0]])
+        others = (f"{quantity_text(amounts[at], 'N')} at {quantity_text(levels[at], 'N')}" for at in off[1:])
+        return [Finding("levels-disagree", "doubt", "", numbers, {"others": ", ".join(others)})]
     near = np.abs(np.log(np.sort(amounts) / levels)) < np.log(LEVEL_TOLERANCE)
     if not near.all() or any(finding.code == "levels-swapped" for finding in known):
         return []
