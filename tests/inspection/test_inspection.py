@@ -178,6 +178,10 @@ def test_a_draft_leaves_open_what_it_does_not_know_and_reads_levels_from_names(t
         write_columns(tmp_path / name, head, FREQUENCY, 0.0225 * level, level * size, lag)
     # what a shell makes of --from *.csv; a name that is no file is said
     files = [tmp_path / name for name in levels]
+    found = json.loads(run_cli("inspect", *files, "--json").out)["files"]
+    assert [Path(one["file"]).name for one in found] == list(levels)
+    listed = run_cli("inspect", *files).out
+    assert [listed.count(text) for text in (": csv, 4 arrays", "[test]\n", "`rsgen check`")] == [3, 3, 1]
     absent = run_cli("init", "--from", *files, "none.csv", tmp_path / "new.toml")
     assert "and no files: 'none.csv', " in absent.err
     case = begun(*files)

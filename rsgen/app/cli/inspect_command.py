@@ -1,4 +1,4 @@
-"""The command `rsgen inspect`: the tree of a data file, and the [test] table of a case that would read it."""
+"""The command `rsgen inspect`: the trees of data files, and [test] tables of cases that would read them."""
 
 from __future__ import annotations
 
@@ -108,26 +108,29 @@ def _show(contents: Contents, proposal: Proposal | None, everything: bool) -> No
     print_line("# a draft by names and units, for a case file; `rsgen init --from` writes it")
     for line in proposal_text(proposal).split("\n"):
         print_line(line)
-    print_line("Then `rsgen check` reads the file, and says what is odd about it.")
 
 
 def inspect_command(
-    file: Annotated[Path, typer.Argument(help="A measured file of any format.", show_default=False)],
+    files: Annotated[list[Path], typer.Argument(help="Measured files of any format.", show_default=False)],
     everything: Annotated[bool, typer.Option("--all", help="List every array.")] = False,
     json: Json = False,
 ) -> int:
-    """Show what is in a data file (text, MATLAB, universal, TDMS, Excel, ...), and propose a [test] table.
+    """Show what is in data files (text, MATLAB, universal, TDMS, Excel, ...), and propose a [test] table.
 
     \b
     Examples:
       rsgen inspect sweep.mat
       rsgen inspect receptances.uff --json
     """
-    contents = list_contents(file)
-    _print_reading_fault(contents.format)
-    proposal = propose(contents)
+    read = [list_contents(file) for file in files]
+    # said at the first look into binary files
+    fault = None if all(contents.format == "csv" for contents in read) else reading_fault()
+    if fault is not None:
+        limits = f"of the process that reads a binary file this system limits {fault}"
+        print_faults([f"note: {limits}; open files of strangers on Linux"])
+    proposals = [propose(contents) for contents in read]
     if json:
-        print_json(
+        found = [
             {
                 "file": str(file),
                 "format": contents.format,
@@ -136,19 +139,12 @@ def inspect_command(
                 "test": proposal.tables if proposal else None,
                 "doubts": proposal.doubts if proposal else {},
             }
-        )
-    else:
+            for file, contents, proposal in zip(files, read, proposals, strict=True)
+        ]
+        print_json(found[0] if len(found) == 1 else {"files": found})
+        return 0
+    for contents, proposal in zip(read, proposals, strict=True):
         _show(contents, proposal, everything)
+    if any(proposals):
+        print_line("Then `rsgen check` reads the data, and says what is odd about them.")
     return 0
-
-
-def _print_reading_fault(form: str) -> None:
-    """Say at the first look into a binary file what this system does not limit while it is read."""
-    fault = None if form == "csv" else reading_fault()
-    if fault is not None:
-        print_faults(
-            [
-                f"note: of the process that reads a binary file this system limits {fault}; "
-                "open files of strangers on Linux"
-            ]
-        )
