@@ -195,14 +195,15 @@ def choose_splines(seen: ModePoints, mass: float) -> ModeProblem:
     a background the simplest ones by BIC are fitted.
     """
     mode = seen.mode
-    size = mode.amplitude[mode.amplitude >= seen.tested[0]]
-    # more amplitudes than coefficients; two amplitudes give a line
-    most = min(len(size) // _MIN_POINTS_A_COEFFICIENT, max(count_amplitudes(size) - 1, 2))
-    allowed = [s for s in _SHAPES if not s[0] or sum(s) <= most]
-    shapes = [(*shape, power) for shape in allowed for power in _POWERS]
     if len(seen.levels):
         # a value of k and c for each: the splines never follow the noise of an amplitude
         allowed, shapes = [_SHAPES[0]], [(*_SHAPES[0], _POWERS[0])]
+    else:
+        size = mode.amplitude[mode.amplitude >= seen.tested[0]]
+        # more amplitudes than coefficients; two amplitudes give a line
+        most = min(len(size) // _MIN_POINTS_A_COEFFICIENT, max(count_amplitudes(size) - 1, 2))
+        allowed = [s for s in _SHAPES if not s[0] or sum(s) <= most]
+        shapes = [(*shape, power) for shape in allowed for power in _POWERS]
     wide = float(mode.omega.max() / mode.omega.min()) > _MIN_FREQUENCY_RATIO
     trials = _DAMPING_POWERS if wide else _DAMPING_POWERS[:1]
     some = seen.select(mode.spread(COMPARISON_POINTS))

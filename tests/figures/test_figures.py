@@ -65,6 +65,24 @@ def test_a_force_that_varied_along_the_sweep_is_that_of_the_curve():
     assert line.get_ydata() == pytest.approx(np.abs(item.predicted) * 1e3)
 
 
+def test_a_force_without_a_law_that_is_known_at_rest_alone_is_not_drawn():
+    restoring = IDENTIFICATION.restoring
+    wide = np.where(restoring.displacement > 0, np.inf, 0.0)
+    unknown = changed(IDENTIFICATION, restoring=replace(restoring, stiffness_band=wide))
+    labels = [axes.get_legend_handles_labels()[1] for axes in figures.draw_forces(unknown).figure.axes]
+    assert ["nonparametric" in shown for shown in labels] == [False, True]
+
+
+def test_a_modal_table_of_one_amplitude_is_a_point_with_its_interval():
+    omega, held = 2 * np.pi * np.linspace(9, 11, 41), np.full(41, 2e-3)
+    force = (5920 + 7.5j * omega - 1.5 * omega**2) * held
+    table = modal_table(ResponseSurface(held, omega / 2 / np.pi, force, held + 0j, control="response"))
+    axes = figures.draw_modal(table).figure.axes[0]
+    (line,) = axes.lines
+    assert (len(table), line.get_marker(), len(axes.collections[-1].get_segments())) == (1, "o", 1)
+    assert line.get_ydata() == pytest.approx(np.sqrt(5920 / 1.5) / 2 / np.pi)
+
+
 UNIT = re.compile(r"\[[^\]]+\]$")
 
 

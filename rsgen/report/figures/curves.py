@@ -62,13 +62,12 @@ def draw_modal(
         scale = choose_scale(value, unit) if unit else Scale(0.01, "%")
         factor = scale.factor
         axes.fill_between(grid / x.factor, low / factor, high / factor, color=drawing.BLUE, alpha=0.2, lw=0)
-        axes.plot(
-            grid / x.factor,
-            value / factor,
-            color=drawing.POINT["mec"],
-            lw=1.3,
-            label=f"without a law, {CONFIDENCE_TEXT} band",
-        )
+        look = {"color": drawing.POINT["mec"], "lw": 1.3}
+        if len(grid) == 1:
+            axes.vlines(grid / x.factor, low / factor, high / factor, drawing.BLUE)
+            look = drawing.POINT
+        label = f"without a law, {CONFIDENCE_TEXT} band"
+        axes.plot(grid / x.factor, value / factor, label=label, **look)
         shown = [value / factor]
         if model is not None:
             line = getattr(model, name) / factor

@@ -71,7 +71,7 @@ def draw_forces(
         axes.set_ylabel(y.label(f"{what.capitalize()} force"))
     caption = "Forces of springs and of dampers over the tested range"
     if restoring is not None:
-        caption += f", and the nonparametric restoring force (points, {CONFIDENCE_TEXT} band)"
+        caption += f", and the nonparametric restoring force where known (points, {CONFIDENCE_TEXT} band)"
     return drawing.Drawing("forces", figure, f"{caption}.", ax is None)
 
 
@@ -88,11 +88,13 @@ def _draw_force(
     if points is not None:
         # a band wider than the force itself determines nothing: near rest, and at rare amplitudes
         narrow = points[2] < _WIDEST_BAND * np.nanmax(np.abs(lines[0][1]), initial=0.0)
+        # a spring at rest has no force, whatever the others are
+        narrow &= np.count_nonzero(narrow) > 1
         at, force, band = (column[narrow] for column in points)
         at, low, high = at / across, (force - band) / height, (force + band) / height
         axes.fill_between(at, low, high, color=drawing.BLUE, alpha=0.18, lw=0)
         few = np.unique(np.linspace(0, max(len(at) - 1, 0), min(len(at), 16)).astype(int))
-        axes.plot(at[few], force[few] / height, label="nonparametric", **drawing.POINT)
+        axes.plot(at[few], force[few] / height, label="nonparametric" if len(at) else None, **drawing.POINT)
         # a band that is wide for want of data must not make the forces flat
         shown.append(force / height)
     for name, force, look in lines:
