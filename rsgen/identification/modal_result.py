@@ -475,9 +475,8 @@ class ModalTable(Printed):
         heads = ("X [m]", *(f"{name} [{unit or '1'}]" for name, unit in shown.items()))
         mass = "mass not known" if isfinite(self.test.units.kilogram) else "per unit mass"
         if isfinite(self.mass):
-            half = short(interval_sigmas() * self.mass_error, 2)
-            known = f" ± {half}" if isfinite(self.mass_error) else ", its error not determined"
-            error = known if self.mass_error else ", given"
+            error = f" ± {short(interval_sigmas() * self.mass_error, 2)}" if self.mass_error else ", given"
+            error = error if isfinite(self.mass_error) else ", its error not determined"
             mass = f"mass {short(self.mass, 6)} kg{error}"
         caption = f"Modal table without a law: {self.points} points, misfit {100 * self.misfit:.2g} %, {mass}"
         notes = list(map(str, self.findings))
