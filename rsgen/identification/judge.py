@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import nan
 
 import numpy as np
@@ -30,7 +30,6 @@ import rsgen.identification  # profiles, for laws with nonlinear parameters
 from rsgen.common.arrays import Array
 from rsgen.common.errors import RsgenError
 from rsgen.common.finding import Finding, Severity, quantities
-from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
     MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MISFIT_DOUBTFUL_WITH_PATTERN,
@@ -44,7 +43,7 @@ from rsgen.data.surface.plausibility import backbone_gap, plausibility_findings
 from rsgen.data.surface.response_surface import Outcome, ResponseSurface, within
 from rsgen.dynamics.linear_part import background_terms
 from rsgen.identification.fitting.across import law_of
-from rsgen.identification.fitting.fit import Fit, fit_balance, linearise_extended
+from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.fitting.observed import Observed, Problem
 from rsgen.identification.fitting.points import (
@@ -86,6 +85,7 @@ from rsgen.identification.results.estimates import (
     largest_tested,
     make_estimates,
     missing_unit_check,
+    moves_of,
     outcome_of,
     phase_findings,
     state_background,
@@ -107,7 +107,7 @@ from rsgen.identification.soundness import (
     sign_findings,
 )
 from rsgen.identification.starting.start import Table, with_phases
-from rsgen.identification.terms import alternatives_to, stop_findings
+from rsgen.identification.terms import alternatives_to, equations_of, linearised_with, stop_findings
 from rsgen.law.element import law_remarks, response_share
 from rsgen.law.memory import refuse_free_powers
 
@@ -505,7 +505,7 @@ def judge(test: Prepared, model: Model, refined: Fit) -> Identification:
             used=int(used.sum()),
             points=len(surface),
             levels=len(np.unique(points.level)),
-            moves=_moves_with_mass(refined),
+            moves=moves_of(partial(_scaled, refined), refined.regression, law, stated, model, surface),
             missing_check=missing_unit_check(surface, model, units),
         ),
         solution=refined.values,
@@ -539,20 +539,13 @@ def _without_law(
     return invert_curve(curve, mass) if centred and np.isfinite(mass) else None
 
 
-def _moves_with_mass(fit: Fit) -> dict[str, float]:
-    """Return by how many per cent values move, to first order, with one per cent of a given mass; or {}.
-
-    With J the slopes by the values and j those by the mass, a mass that is dm larger moves them by
-    -(J^T J)^-1 J^T j dm.
-    """
-    problem, parameters = fit.problem, fit.regression.parameters
-    rows = linearise_extended(fit, problem, parameters)[1].reshape(-1, len(parameters))
-    if "m" not in problem.fixed or problem.observed.points.weighed or not len(rows):
-        return {}
-    moved = -solve_scaled(rows[:, problem.free], rows[:, problem.count - 1] * fit.mass)[0]
-    names = np.array([*problem.law.parameters, "m"])[problem.free[: problem.count]]
-    shares = zip(names.tolist(), moved, parameters[problem.free], strict=False)
-    return {name: float(move / value) for name, move, value in shares if value}
+def _scaled(fit: Fit, force: float, response: float) -> tuple[Array, Array]:
+    """Return residual (r,) and slopes (r, q) of a fit to points whose force and response have factors."""
+    points = fit.problem.observed.points
+    load = None if points.load is None else force * points.load
+    scaled = {"force": force * points.force, "load": load, "harmonics": response * points.harmonics}
+    noise = fit.regression.sigma if points.weighed else 1.0
+    return equations_of(fit, fit.problem, *linearised_with(fit, **scaled), noise)
 
 
 def _mode(table: Table, found: Fit) -> Table:

@@ -103,7 +103,7 @@ def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TER
     terms = unfixed_terms(fit.problem.law, fit.problem.fixed, terms)
     problem, parameters, added = with_terms(fit.problem, fit, terms)
     residual, matrix = linearise_extended(fit, problem, parameters)
-    right, rows = _equations(fit, problem, residual, matrix, noise)
+    right, rows = equations_of(fit, problem, residual, matrix, noise)
     kept = np.delete(np.arange(len(parameters)), added)
     none = np.zeros(len(parameters)), np.zeros((0, residual.size))
     used = problem.observed.points.select(fit.regression.used)
@@ -115,7 +115,7 @@ def fit_missing_terms(fit: Fit, noise: float, terms: Sequence[str] = MISSING_TER
     return dict(zip(terms, found, strict=True))
 
 
-def _equations(
+def equations_of(
     fit: Fit, problem: Problem, residual: Array, matrix: Array, noise: float
 ) -> tuple[Array, Array]:
     """Return residual (r,) and slopes (r, q) of points over a noise, with what is known of the mass."""
@@ -361,11 +361,15 @@ def _with_factor(points: Points, mass: float, factor: Any) -> dict[str, Any]:
 
 def _by_points(fit: Fit, **columns: Any) -> tuple[Array, Array, Array]:
     """Return the residual (k, M), its slopes (k, M, q), and its change where points have other columns."""
-    problem, observed, parameters = fit.problem, fit.problem.observed, fit.regression.parameters
+    residual, matrix = linearised_with(fit)
+    return residual, matrix, linearised_with(fit, **columns)[0] - residual
+
+
+def linearised_with(fit: Fit, **columns: Any) -> tuple[Array, Array]:
+    """Return residual (k, M) and slopes (k, M, q) where points have other columns."""
+    observed = fit.problem.observed
     other = replace(observed, points=replace(observed.points, **columns))
-    residual, matrix = linearise_extended(fit, problem, parameters)
-    changed = linearise_extended(fit, replace(problem, observed=other), parameters)[0]
-    return residual, matrix, changed - residual
+    return linearise_extended(fit, replace(fit.problem, observed=other), fit.regression.parameters)
 
 
 def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
@@ -410,7 +414,7 @@ def _fit_offset(fit: Fit, noise: float) -> Alternative | None:
         return None
     columns = np.concatenate([matrix, column[:, :, None] / size], axis=2)
     free = np.flatnonzero(problem.free).tolist()
-    equations = _equations(fit, problem, residual, columns, noise)
+    equations = equations_of(fit, problem, residual, columns, noise)
     return joint_alternatives(*equations, free, {"mean": [*free, count]}, count + 1)["mean"]
 
 
@@ -424,7 +428,7 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
         return {}
     problem, start = with_background(fit)
     seen, larger = problem.observed, problem.observed.background
-    equations = _equations(fit, problem, *linearise_extended(fit, problem, start), noise)
+    equations = equations_of(fit, problem, *linearise_extended(fit, problem, start), noise)
     fitted = [name for name, kept in zip(larger.names, seen.fitted, strict=True) if kept]
     return larger_backgrounds(*equations, fit.problem.free[:count], own, larger, fitted)
 

@@ -137,6 +137,10 @@ def test_the_mass_with_which_a_decay_was_read_is_known_afterwards() -> None:
     weighed = rsgen.identify(surface, "k*x + c*v", mass=MASS, mass_error=0.02 * MASS)
     assert weighed["k"].standard_error == pytest.approx(0.02 * weighed["k"].value, rel=1e-3)
     assert weighed["m"].standard_error == pytest.approx(0.02 * MASS)
+    # forces are made from the response
+    assert weighed.outcome.names["moves"] == "1 % of the response moves c by 0 %, k by 0 %, m by 0 %"
+    exact = rsgen.identify(surface, "k*x + c*v", mass=MASS).outcome.names["moves"]
+    assert exact.startswith("1 % of m moves c by 1 %, k by 1 %; 1 % of the response moves c by 0 %")
     # another mass that is given counts
     assert rsgen.modal_table(surface, mass=2.0).mass == 2.0
 

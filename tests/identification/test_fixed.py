@@ -320,16 +320,47 @@ def two_sides() -> rsgen.ResponseSurface:
     return fundamentals(simulated(TWO_SIDES, SIDES, [0.5, 1, 2, 4], (15, 26, 56), 0.5, **how))
 
 
+def moves(found):
+    """Return by cause by how many per cent its one per cent moves each value, as said."""
+    said = found.outcome.names["moves"].split("; ")
+    parts = (re.fullmatch(r"(\S+) % of (.*) moves (.*)", one).groups() for one in said)
+    each = {cause: (float(part), re.findall(r"(\w+) by (\S+) %", own)) for part, cause, own in parts}
+    return {
+        cause: {name: float(by.replace("−", "-")) / part for name, by in own}
+        for cause, (part, own) in each.items()
+    }
+
+
 def test_what_a_given_mass_moves_is_that_of_the_fit():
     asked = rsgen.identify(two_sides(), TWO_SIDES, mass=0.5)
     assert asked.verdict.state == "identified"
-    name, moves, (line, _) = asked.outcome.names["moves"], asked.outcome["moves"], mass_lines(asked)
-    less, more = (rsgen.identify(two_sides(), TWO_SIDES, mass=m)[name].value for m in (0.4995, 0.5005))
-    assert moves == pytest.approx((more - less) / asked[name].value / 2e-3, rel=0.1)
-    assert f"0.1 % of m moves {name} by about −{-moves / 10:.2g} %" in line
+    line, _ = mass_lines(asked)
+    less, more = (rsgen.identify(two_sides(), TWO_SIDES, mass=m) for m in (0.4995, 0.5005))
+    for name, by in moves(asked)["m"].items():
+        assert by == pytest.approx((more[name].value / less[name].value - 1) / 2e-3, rel=0.1, abs=0.2)
+    assert "0.1 % of m moves c1 by 0" in line
     assert mass_lines(asked, rms=True) == [line]
     cubic = rsgen.identify(noisy(surface("cubic"), NOISE, 1), LAW, mass=MASS)
     assert "read as peak, kn is 2 times too large (or the reverse)" in mass_lines(cubic)[1]
+
+
+@pytest.mark.parametrize("error", [None, 1e-3 * MASS, 0.02 * MASS])
+def test_what_an_error_of_a_sensor_moves_is_that_of_the_fit(error):
+    test, given = noisy(surface("cubic"), NOISE, 1), {"mass": MASS, "mass_error": error}
+    asked = rsgen.identify(test, LAW, **given)
+    assert asked.verdict.state == "identified"
+    said = {cause: own for cause, own in moves(asked).items() if cause != "m"}
+    assert said["the force"].keys() == said["the response"].keys() == {one.name for one in asked}
+    for cause, signal in (("the force", "force"), ("the response", "harmonics")):
+        again = rsgen.identify(replace(test, **{signal: 1.001 * getattr(test, signal)}), LAW, **given)
+        for name, by in said[cause].items():
+            assert by == pytest.approx(1e3 * (again[name].value / asked[name].value - 1), abs=0.06)
+    # where the mass follows the test, a value in N^a m^b moves by -b
+    if error == 0.02 * MASS:
+        assert said["the response"] == {"c": -1, "k": -1, "kn": -3, "m": -1}
+    elif error is None:
+        assert said["the response"]["c"] == -1
+        assert said["the response"]["kn"] < -2
 
 
 @pytest.mark.parametrize("mass", [0.4975, 0.504])
@@ -348,7 +379,7 @@ def test_a_mass_with_an_error_is_one_more_equation():
     assert asked["m"].standard_error < 0.005
     assert mass_lines(asked)[0].startswith("m, given as 0.505 ± 0.005 kg (standard error), is with the test")
     assert not asked.fixed
-    assert "moves" not in asked.outcome.numbers
+    assert moves(asked).keys() == {"the force", "the response"}
     # a symmetric law with a background fits as well where the mass allows what it moves, three of 0.3 g
     assert asked["k1"].standard_error > 1000
     assert rsgen.identify(two_sides(), TWO_SIDES, mass=0.5, mass_error=3e-4)["k1"].standard_error < 200

@@ -1,6 +1,7 @@
 """Periodic multisines: motions are chosen, the force they need follows exactly, the law is to be found."""
 
 import dataclasses
+import re
 from functools import cache
 from pathlib import Path
 
@@ -78,6 +79,14 @@ def test_a_mass_with_an_error_is_one_more_equation_of_the_lines():
     assert half["m"].value == pytest.approx((told["m"].value + MASS) / 2, abs=0.2 * told["m"].standard_error)
     assert half["m"].standard_error < 0.8 * told["m"].standard_error
     assert "fixed-contradicted" not in codes(half)
+    assert loose.outcome.names["moves"].endswith(
+        "moves c by −1 %, k by −1 %, k2 by −2 %, k3 by −3 %, m by −1 %"
+    )
+    said = dict(re.findall(r"(\w+) by (\S+) %", exact.outcome.names["moves"].rpartition("response")[2]))
+    again = rsgen.identify(dataclasses.replace(test, response=1.001 * test.response), LAW, mass=1.001 * MASS)
+    for one in exact:
+        moved = 1e3 * (again[one.name].value / one.value - 1)
+        assert float(said[one.name].replace("−", "-")) == pytest.approx(moved, abs=0.2)
     (said,) = (finding for finding in off.findings if finding.code == "fixed-contradicted")
     assert said["fitted"] == pytest.approx(MASS, rel=0.01)
 

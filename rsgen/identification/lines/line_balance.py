@@ -121,6 +121,11 @@ class SpectralLines:
             return self
         return replace(self, spectra=self.background.mode_of(self.spectra, values), subtracted=values)
 
+    def scaled(self, force: float, response: float) -> SpectralLines:
+        """Return the lines with factors of their force and response."""
+        own = self.spectra
+        return replace(self, spectra=replace(own, force=force * own.force, response=response * own.response))
+
     def up_to(self, extended: int) -> SpectralLines:
         """Return the same lines along motions of another highest line, sampled as finely as that needs."""
         return replace(self, extended=extended, samples=_samples_of(extended))

@@ -186,6 +186,10 @@ class LineFit:
         rows = rows.reshape(len(right), -1)
         return with_weighing(right, rows, self.lines.weighed, len(self.values), self.mass)
 
+    def scaled(self, force: float, response: float) -> tuple[Array, Array]:
+        """Return ``equations`` with factors of force and response."""
+        return replace(self, lines=self.lines.scaled(force, response)).equations()
+
     def linearise(self, parameters: Array, nuisance: Array) -> Linearisation:
         """Return real and imaginary part of each used line, scaled to unit variance, at other parameters."""
         fit = self if parameters is self.parameters else replace(self, parameters=parameters)
@@ -289,8 +293,7 @@ def jackknife(found: Regression, group: NDArray[np.intp]) -> Array:
     """
     basis, rows, residual = found.basis, found.rows[found.used], found.residual[found.used]
     group = group[found.used]
-    numbers = np.unique(group)
-    unit = np.eye(basis.shape[1])
+    numbers, unit = np.unique(group), np.eye(basis.shape[1])
     total = np.zeros_like(unit)
     for number in numbers:
         own_rows, own_residual = rows[group == number], residual[group == number]

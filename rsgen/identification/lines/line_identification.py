@@ -72,13 +72,14 @@ from rsgen.identification.results import (
     Resonance,
     units_of,
 )
-from rsgen.identification.results.alternatives import Alternative, Alternatives, stands_out
+from rsgen.identification.results.alternatives import Alternatives, stands_out
 from rsgen.identification.results.estimates import (
     Errors,
     Statement,
     damping_findings,
     largest_tested,
     missing_unit_check,
+    moves_of,
     outcome_of,
     phase_findings,
     state_background,
@@ -224,6 +225,7 @@ def _assemble(spectra: MultisineSpectra, model: Model, fit: LineFit) -> Multisin
             excited=int((lines.used & part.excited()).sum()),
             records=len(part),
             levels=len(part.levels),
+            moves=moves_of(fit.scaled, fit.regression, fit.law, stated, model, spectra),
             missing_check=missing_unit_check(spectra, model, units),
         ),
         findings=tuple(findings),
@@ -476,8 +478,13 @@ def _misfit_findings(fit: LineFit, errors: Errors) -> list[Finding]:
         Finding("law-does-not-fit", severity, numbers=size),
         Finding("intervals-widened", "warning", numbers=parts, names={"by": "parts of the band"}),
     ]
+    used = fit.lines.used
+    square = np.sum(np.abs(fit.balance.residual[used]) ** 2 * 2 / fit.variance[used])
     terms, more = (
-        {name: misfit * _share_left(fit, one) for name, one in others.kinds[kind].items()}
+        {
+            name: misfit * float(np.sqrt(max(1 - one.gain / square, 0.0)))
+            for name, one in others.kinds[kind].items()
+        }
         for kind in ("term", "background")
     )
     if more:
@@ -485,13 +492,6 @@ def _misfit_findings(fit: LineFit, errors: Errors) -> list[Finding]:
         left = min(terms.values())
         found += background_findings(backgrounds, more, known, others.names, misfit=misfit, left_by_term=left)
     return found
-
-
-def _share_left(fit: LineFit, other: Alternative) -> float:
-    """Return the share of the misfit that an alternative leaves."""
-    used = fit.lines.used
-    square = np.sum(np.abs(fit.balance.residual[used]) ** 2 * 2 / fit.variance[used])
-    return float(np.sqrt(max(1 - other.gain / square, 0.0)))
 
 
 # ----------------------------------------------------------------------------

@@ -19,7 +19,9 @@ import sympy
 
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.finding import Finding, Quantity, quantities
+from rsgen.common.solvers import solve_scaled
 from rsgen.common.tolerances import (
+    FINITE_DIFFERENCE_STEP,
     MIN_NULL_COMPONENT,
     MISFIT_NEGLIGIBLE,
     RELATIVE_CHANGE_NEGLIGIBLE,
@@ -36,7 +38,7 @@ from rsgen.dynamics.linear_part import BackgroundTerms
 from rsgen.formula.names import symbol
 from rsgen.formula.printing import write
 from rsgen.formula.unit_text import read_unit
-from rsgen.formula.units import ForceUnits
+from rsgen.formula.units import ForceUnits, number_text
 from rsgen.identification.fitting.fit import Solution
 from rsgen.identification.fitting.least_squares import Regression
 from rsgen.identification.results.alternatives import Alternatives
@@ -287,32 +289,59 @@ def missing_unit_check(test: Records, model: Model, units: Mapping[str, str]) ->
     return "" if model.weighed or any("N" in unit for unit in given) else "mass"
 
 
+def moves_of(
+    equations: Callable[[float, float], tuple[Array, Array]],
+    found: Regression,
+    law: ForceLaw,
+    stated: Statement,
+    model: Model,
+    test: Records,
+) -> str:
+    """Return what 1 % of a given mass and of the scale of each sensor moves; "" without a mass.
+
+    ``equations`` are residual (r,) and slopes J (r, q) of a fit whose force and response have two factors. To
+    first order, what changes the residual by d moves values by (J^T J)^-1 J^T d. Of a driven base, whose
+    response may be absolute or relative, and of decays forces are the mass times a motion.
+    """
+    values = {e.name: e.value for e in stated.refined if e.identifiable and e.value}
+    if model.mass is None or test.per_mass or not values:
+        return ""
+    (right, rows), by, mass = equations(1.0, 1.0), 1 + FINITE_DIFFERENCE_STEP, len(law.parameters)
+    if not len(right):
+        return ""
+    decay = any(one.code == "force-of-decay" for one in test.findings)
+    pushed, seen = ((equations(*both)[0] - right) / FINITE_DIFFERENCE_STEP for both in ((by, 1), (1, by)))
+    inertia, follows = rows[:, mass] * found.parameters[mass], decay or bool(test.base)
+    changes = {} if model.weighed else {"m": follows * pushed - inertia}
+    if not (test.base or model.sensors):
+        changes |= {"the response": pushed + seen} if decay else {"the force": pushed, "the response": seen}
+    held, said = np.where(found.free, nan, 0.0), []
+    for cause, change in changes.items():
+        moved = dict(zip((*law.parameters, "m"), solve_scaled(rows, change, known=held)[0], strict=False))
+        moves = {name: round(float(moved[name] / value), 1) for name, value in values.items()}
+        # slopes tell little beyond
+        part = 1.0 if max(map(abs, moves.values())) < 20 else 0.1
+        each = ", ".join(f"{name} by {number_text(part * move, 2)} %" for name, move in moves.items())
+        said.append(f"{part:g} % of {cause} moves {each}")
+    return "; ".join(said)
+
+
 def outcome_of(
-    estimates: Sequence[Estimate],
-    misfit: float,
-    moves: Mapping[str, float] | None = None,
-    *,
-    missing_check: str,
-    **counts: int,
+    estimates: Sequence[Estimate], misfit: float, *, moves: str, missing_check: str, **counts: int
 ) -> Finding:
     """Summarise the numbers of identified and all parameters, ``counts`` of the test, and the misfit.
 
-    Of ``moves``, by how many per cent each value moves with one of the mass, the largest is told that is
-    clearly more than one, and more than a standard error. Nothing checks the units of a test
-    with a ``missing_check`` (``missing_unit_check``): its free mass, a force, or levels that are amounts.
+    ``moves`` is the text of ``moves_of``. Nothing checks the units of a test with a ``missing_check``
+    (``missing_unit_check``): its free mass, a force, or levels that are amounts.
     """
     identified = sum(e.identifiable and isfinite(e.standard_error) for e in estimates)
     numbers = quantities(identified=identified, parameters=len(estimates), **counts, misfit=misfit)
-    error = {e.name: 100 * e.standard_error / abs(e.value) for e in estimates if e.identifiable and e.value}
-    moving = {name: move for name, move in (moves or {}).items() if abs(move) > error.get(name, inf)}
-    most = max(moving, key=lambda name: abs(moving[name]), default="")
     sized = ", ".join(e.name for e in estimates if e.unit not in _FREE_OF_SIZE)
     names = {"levels": {"levels": "labels"}, "force": {"force": sized}}.get(missing_check, {})
-    if most and round(abs(moving[most])) > 1:
-        numbers, names = numbers | quantities(moves=moving[most]), names | {"moves": most}
-    elif missing_check == "mass":
-        free = any(e.name == "m" and e.unit == "kg" and e.identifiable for e in estimates)
-        names = {"mass": "free"} if free else {}
+    if missing_check == "mass" and any((e.name, e.unit) == ("m", "kg") and e.identifiable for e in estimates):
+        names = {"mass": "free"}
+    if moves:
+        names = names | {"moves": moves}
     return Finding("identified", "info", "", numbers, names)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, freeze, frozen_array
 from rsgen.common.errors import RsgenError
-from rsgen.common.finding import Finding, Quantity, Verdict, printed_findings, reach_verdict
+from rsgen.common.finding import Finding, Verdict, printed_findings, reach_verdict
 from rsgen.common.text_table import Brief, Printed, TextTable, interval_text, lookup, short, with_error
 from rsgen.common.tolerances import (
     CONFIDENCE_TEXT,
@@ -26,7 +26,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Oscillator, units_of
 from rsgen.dynamics.linear_part import BackgroundTerms, background_terms
-from rsgen.formula.units import WHOLE, ForceUnits, number_text, off_by_scale
+from rsgen.formula.units import WHOLE, ForceUnits, off_by_scale
 from rsgen.identification.fitting.fit import Fit
 from rsgen.identification.results.alternatives import Alternatives
 from rsgen.law.memory import with_equations
@@ -97,11 +97,8 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
     known = weighed or "mass" in found.outcome.names
     if mass is None or mass.unit != "kg" or (mass.standard_error and not (known and mass.identifiable)):
         return []
-    by = found.outcome.numbers.get("moves", Quantity(1.0)).value
-    # a tenth of a per cent where one is beyond what slopes tell
-    part = 1.0 if abs(by) < 20 else 0.1
-    moved = f"{found.outcome.names.get('moves', 'the linear stiffness')} by about {number_text(part * by, 2)}"
-    said = f"m is taken as exact: its error comes on top, {part:g} % of m moves {moved} %"
+    moves = f"; to first order {found.outcome.names['moves']}" if "moves" in found.outcome.names else ""
+    said = f"m is taken as exact: its error and those of the sensors come on top{moves}"
     if weighed:
         now = f"is with the test {short(mass.value, 5)} ± {short(mass.standard_error, 2)} kg"
         away = abs(mass.value - weighed[0]) / weighed[1]
@@ -114,8 +111,7 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
         elif mass.standard_error >= (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
             now = "is not checked by the test"
         given = f"{short(weighed[0], 5)} ± {short(weighed[1], 2)} kg (standard error)"
-        said = f"m, given as {given}, {now}; its error is in all intervals, that of the sensors in none: "
-        said += "1 % of the force moves m, all stiffnesses and all dampings by 1 %"
+        said = f"m, given as {given}, {now}; its error is in all intervals, that of a sensor in none{moves}"
     elif mass.standard_error:
         said = (
             "all values scale with the units of force, response and frequency (Hz or rad/s): weigh what "
