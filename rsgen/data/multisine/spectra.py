@@ -38,7 +38,8 @@ _BAD_LEVEL = "a positive root mean square of the force is needed"
 class MultisineSpectra(Records, Printed):
     """Spectra of a test with a periodic multisine, transient periods left out.
 
-    x(t) = Re sum_h X_h exp(i h omega0 t), and the force alike; line h is at h omega0 / (2 pi).
+    x(t) = Re sum_h X_h exp(i h omega0 t), and the force alike; line h is at h omega0 / (2 pi). Lines are peak
+    values: multiply rms ones, of force and response, by sqrt(2); where both are rms, nothing shows it.
 
     Parameters
     ----------

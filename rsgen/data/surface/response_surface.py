@@ -179,7 +179,8 @@ class ResponseSurface(Records):
     """Steady states of a structure over force level and frequency; n test points, H harmonics.
 
     ``ResponseSurface(level, frequency, force, response)`` is enough. A single value for level, force or any
-    later column holds at every point.
+    later column holds at every point. Amplitudes are peak values: multiply root mean squares, of force and
+    response, by sqrt(2). Where both are rms nothing shows it, and k3 of a cubic spring is 2 times too large.
 
     Parameters
     ----------
