@@ -97,7 +97,7 @@ def _in_si(
     return scaled(column.values.reshape(-1), size)
 
 
-_SAMPLING_RATE = re.compile(r"(?i)f_?s$|f?samp\w*_?(rate|freq)|abtast")
+_SAMPLING_RATE = re.compile(r"(?i)f_?s$|f?samp|abtast")
 """Names of a sampling rate, not of a sweep, of frames or of a decay, where no unit says that it is one."""
 
 _MAX_RATE_ERROR = 1e-3

@@ -479,7 +479,9 @@ def test_a_growing_motion_and_noise_are_no_decay(noise):
     # a record read backwards grows; to its last zero
     motion = free(0.4, 20.025, rate=400)[:9:-1]
     motion = motion + noise * np.random.default_rng(1).normal(size=len(motion))
-    for growing in (motion, free(-0.2, 8, rate=400)):
+    # that grows late, or slowly throughout
+    late = np.concatenate([free(0.01, 4, rate=400), free(-0.3, 8, rate=400)])
+    for growing in (motion, late, free(-0.1, 8, rate=400)):
         for band in (None, (7, 13)):
             with pytest.raises(RsgenError, match=r"near 10 Hz grows and does not fall"):
                 followed(growing, rate=400, band=band)

@@ -363,12 +363,14 @@ def test_what_an_error_of_a_sensor_moves_is_that_of_the_fit(error):
         assert said["the response"]["kn"] < -2
 
 
-@pytest.mark.parametrize("mass", [0.4975, 0.504])
+@pytest.mark.parametrize("mass", [0.4985, 0.504])
 def test_a_mass_that_is_hardly_wrong_is_doubted_where_it_moves_a_value_by_much(mass):
     asked = rsgen.identify(two_sides(), TWO_SIDES, mass=mass)
     (said,) = asked.verdict.decided_by
     assert (said.code, said.parameter) == ("fixed-contradicted", "m")
     assert said["fitted"] == pytest.approx(0.5, rel=2e-3)
+    # next to too small a mass the stiffer side is too stiff
+    assert ("by −" in said.names.get("moves", "")) == (mass < 0.5)
 
 
 def test_a_mass_with_an_error_is_one_more_equation():

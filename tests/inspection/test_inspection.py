@@ -90,7 +90,7 @@ def test_a_case_begun_from_a_file_reads_it(tmp_path, file, run_cli, begun):
     ("recorder 7\nTime,Frequency,Force,Acceleration,Phase\ns,Hz,N,m/s^2,deg\n0.5,1,1,2,3\n1,2,1,3,4\n",
      {"skip": 1}, "Frequency"),
     ("f;Kraft;a\nHz;Newtons;m/sec^2\n1;1;2\n2;1;3\n", {"skip": 2}, 1),
-    ("date;freq [Hz];force [N];disp [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
+    ("date;freq [Hz];force [N];disp, tip [mm]\nmonday;1;1;2\nmonday;2;1;3\n", None, "freq [Hz]"),
 ])  # fmt: skip
 def test_layouts_of_texts(tmp_path, text, layout, column, begun):
     path = table(tmp_path / "a.csv", text.rstrip(), [])

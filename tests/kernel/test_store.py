@@ -190,6 +190,8 @@ def test_a_cache_is_made_for_its_user_alone(own_cache):
     assert stat.S_IMODE(own_cache.stat().st_mode) == 0o700
     with compiled.open_private_folder(own_cache) as folder:
         folder.write("one", b"content")
+        os.mkfifo(own_cache / "pipe")
+        assert compiled._read(folder.descriptor, "pipe") is None
     assert stat.S_IMODE((own_cache / "one").stat().st_mode) == 0o600
 
 

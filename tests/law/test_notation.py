@@ -33,6 +33,7 @@ def test_plain_text_reads_as_a_person_writes(formula, text):
 @pytest.mark.parametrize(("formula", "text"), [
     ("k1 + X**2*kn1*3/4", r"k_{1} + \frac{3}{4}\,k_{n1} X^{2}"),
     ("(k6 + k7)/2", r"\frac{k_{6} + k_{7}}{2}"), ("a*sin(q*x)**2", r"a\,\sin^{2}\left(q x\right)"),
+    ("k*(b + sin(x))/(2*b)", r"\frac{k}{2 b} \left(\sin\left(x\right) + b\right)"),
     ("exp(-x/b)", r"\mathrm{e}^{-x/b}"), ("k*abs(x)**1.5", r"k \left|x\right|^{3/2}"),
     ("c3 + 4*Ff/(pi*omega*X)", r"c_{3} + \frac{4 F_{f}}{\pi \omega X}"), ("1e9*x", r"10^{9}\,x"),
     ("(x + b)**2", r"\left(x + b\right)^{2}"), ("1.177e10*x", r"1.177\times 10^{10}\,x"),

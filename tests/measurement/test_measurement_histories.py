@@ -148,8 +148,9 @@ def test_a_rate_that_an_unread_time_contradicts_is_doubted(tmp_path, title, step
 
 @pytest.mark.parametrize(("name", "value", "doubted"), [
     ("fs", 64.0, False), ("fs", 128.0, True), ("SampleRate", 128.0, True), ("fs", 0.064, False),
-    ("dt", 1 / 64, False), ("dt", 1 / 128, True), ("sweep_rate", 0.1, False), ("frame_rate", 128.0, False),
-    ("calibrated", 1.0, False), ("sampling_period", 1 / 128, True), ("sampling_points", 128, False),
+    ("fsamp", 128.0, True), ("dt", 1 / 64, False), ("dt", 1 / 128, True), ("sweep_rate", 0.1, False),
+    ("frame_rate", 128.0, False), ("calibrated", 1.0, False), ("sampling_period", 1 / 128, True),
+    ("sampling_points", 128, False),
 ])  # fmt: skip
 def test_a_rate_that_a_number_in_the_file_contradicts_is_doubted(tmp_path, name, value, doubted):
     np.savez(tmp_path / "b.npz", F=FORCE, a=ACCELERATION[1])

@@ -57,6 +57,9 @@ def elements(sensors: str = "payload - wing"):
 def test_a_joint_between_two_sensors_comes_back_to_round_off(gauge):
     found = rs.identify(spectra(gauge=gauge), elements("gauge" if gauge else "payload - wing"))
     assert max(errors(found, TRUTH).values()) < 1e-9
+    moving, even = replace(spectra(), mean_known=False), rs.make_element("joint", "k2*x**2", across="a - b")
+    with pytest.raises(RsgenError, match="are not odd, and the mean"):
+        rs.identify(moving, [elements()[0], even])
 
 
 @pytest.mark.parametrize(("seed", "gauge"), [(1, False), (2, True)])

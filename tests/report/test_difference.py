@@ -123,6 +123,7 @@ CHANGES = {
     "background without numbers": lambda result: result.update(background={"estimates": [{}]}),
     "verdict on a row that is a text": first(passed="<b>yes</b>"),
     "no surface": lambda result: result.pop("surface"),
+    "points that are no number": lambda result: result["surface"].update(points="8"),
     "warnings without a number": lambda result: result.update(warnings=7),
     **{f"verdict {entry}": lambda result, entry=entry: result.update(verdict=entry) for entry in (
         None, [], {"state": "splendid"},
