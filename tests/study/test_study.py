@@ -3,8 +3,7 @@
 import json
 import os
 import shutil
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from unittest.mock import Mock
@@ -278,48 +277,32 @@ def test_a_folder_that_another_run_fills_is_not_cleared(tmp_path, process):
     assert not killed.exists()
 
 
-def answered(answer: object) -> Future:
-    future: Future = Future()
-    (future.set_exception if isinstance(answer, Exception) else future.set_result)(answer)
-    return future
+KILLED, FULL = BrokenProcessPool("killed"), OSError("no semaphores")
 
 
-def pool(answers: Sequence[object]) -> Mock:
-    """A pool of one process: each answer is a value, or a fault of the process, which then is gone."""
-    given = map(answered, answers)
-    return Mock(**{"submit.side_effect": lambda call, *_: Future() if call is os.getpid else next(given)})
+@pytest.mark.parametrize(("number", "pools", "found"), [
+    # where one process cannot be begun others take its calls, without any every call says so
+    (2, ("abc", OSError("too many open files")), [*"abc"]),
+    (2, (RuntimeError("can't start new thread"), FULL, FULL, FULL), [FULL] * 3),
+    # a call whose process is lost gets a second one and no third
+    (1, (["a", KILLED], "bc"), [*"abc"]), (1, ([KILLED], [KILLED], "bc"), [KILLED, "b", "c"]),
+])  # fmt: skip
+def test_calls_of_processes_that_are_lost_or_cannot_be_begun(monkeypatch, number, pools, found):
+    def pool(answers):
+        # the first call begins the process
+        return Mock(
+            **{"submit.side_effect": [Mock(**{"result.side_effect": [one]}) for one in (0, *answers)]}
+        )
+
+    begun = Mock(side_effect=[one if isinstance(one, Exception) else pool(one) for one in pools])
+    monkeypatch.setattr("rsgen.app.study.many_cases.ProcessPoolExecutor", begun)
+    with local_workers(number) as submit:
+        futures = [submit(str, call) for call in range(3)]
+        assert [future.exception(5) or future.result(5) for future in futures] == found
 
 
-KILLED = BrokenProcessPool("killed")
-
-
-@pytest.fixture
-def answers(monkeypatch):
-    """Let pools be given ones: answers, or why it cannot be begun; give what three calls came to."""
-
-    def run(number: int, *pools: Sequence[object] | Exception) -> list[object]:
-        begun = [one if isinstance(one, Exception) else pool(one) for one in pools]
-        executor = "rsgen.app.study.many_cases.ProcessPoolExecutor"
-        monkeypatch.setattr(executor, Mock(side_effect=begun))
-        with local_workers(number) as submit:
-            futures = [submit(str, call) for call in range(3)]
-            return [future.exception(5) or future.result(5) for future in futures]
-
-    return run
-
-
-def test_where_one_process_cannot_be_begun_others_take_its_calls_and_without_any_every_call_says_so(
-    answers, tmp_path
-):
-    assert answers(2, ["a", "b", "c"], OSError("too many open files")) == ["a", "b", "c"]
-    found = answers(2, RuntimeError("can't start new thread"), *[OSError("no semaphores")] * 3)
-    assert [str(fault) for fault in found] == ["no semaphores"] * 3
-    path = write_case(tmp_path)
-    (fault,) = _outcome(answered(found[0]), load_case(path)).faults
+def test_a_case_whose_worker_was_lost_says_what_to_try(tmp_path):
+    path, lost = write_case(tmp_path), Mock(**{"exception.return_value": FULL})
+    (fault,) = _outcome(lost, load_case(path)).faults
     assert fault.startswith(f"{path}: its worker was lost or could not be begun")
     assert fault.endswith("try it alone with --jobs 1 (OSError: no semaphores)")
-
-
-def test_a_call_whose_process_is_lost_gets_a_second_one_and_no_third(answers):
-    assert answers(1, ["a", KILLED], ["b", "c"]) == ["a", "b", "c"]
-    assert answers(1, [KILLED], [KILLED], ["b", "c"]) == [KILLED, "b", "c"]
