@@ -15,6 +15,7 @@ from tests.report.browser import AXE, DESK, PHONE, Page, in_browser
 JUDGED = ("tutorial/first-report", "method", "laws", "api/verdict")
 ADDRESS = r"\"(?:https?:)?//"
 NOT_FETCHED = re.compile(rf"<(?:script|img|iframe|source)\b[^>]*\bsrc={ADDRESS}|<link\b[^>]*href={ADDRESS}")
+USED = re.compile(r'<use href="#([^"]+)"|url\(#([^)]+)\)')
 
 
 def test_the_api_page_names_everything_public():
@@ -45,20 +46,13 @@ def test_pages_are_built_without_a_warning_and_ask_nobody(site):
     pages = sorted(site.rglob("*.html"))
     assert len(pages) >= len(PAGES) - 1 > 10
     for page in pages:
-        assert NOT_FETCHED.search(page.read_text(encoding="utf-8")) is None, page
+        text = page.read_text(encoding="utf-8")
+        assert NOT_FETCHED.search(text) is None, page
+        # parts of figures, too, stand at one place and are found
+        names = re.findall(r'\bid="([^"]+)"', text)
+        assert len(names) == len(set(names))
+        assert {one or other for one, other in USED.findall(text)} <= set(names)
     assert "<math" in (site / "method.html").read_text(encoding="utf-8")
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["laws", "gallery"])
-def test_parts_of_figures_are_found(site, name):
-    text = (site / f"{name}.html").read_text(encoding="utf-8")
-    drawn = text[text.index('<svg class="drawing"') :]
-    names = re.findall(r'\bid="([^"]+)"', text)
-    used = re.findall(r'<use href="#([^"]+)"|url\(#([^)]+)\)', drawn)
-    assert len(used) > 10
-    assert {one or other for one, other in used} <= set(names)
-    assert len(names) == len(set(names))
 
 
 @pytest.mark.thorough
