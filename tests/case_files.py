@@ -26,7 +26,6 @@ CUBIC: Changes = {
 }  # fmt: skip
 """Changes that make the small case nonlinear, with a verdict."""
 
-
 MEASURED: Changes = {"system": GONE, "truth": GONE, "test": {"kind": "measured", "file": "a.csv"}}
 """Changes that make the small case one of a file; what it reads stands in further keys of "test"."""
 

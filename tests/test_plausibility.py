@@ -98,7 +98,6 @@ def test_responses_of_two_levels_that_are_exchanged_are_named(pair):
 
 @pytest.mark.parametrize(("moving", "named"), [(0, [1.0, 12.0, 0]), (1, [14 / 3, 12.0, 0]), (3, [])])
 def test_a_level_at_rest_above_one_that_moves_has_the_response_of_another_one(moving, named):
-    """Points at rest are not fitted: a law fitted the one level left, all values 0.1 times the true ones."""
     surface = cubic_surface(levels=4, frequencies=31)
     moves = surface.level == surface.levels[moving]
     found = [*level_findings(replace(surface, harmonics=surface.harmonics * moves[:, None]))]

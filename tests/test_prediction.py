@@ -42,7 +42,6 @@ def quintic():
 
 @pytest.mark.parametrize(("gain", "expected"), [(1.0, []), (1.03, ["warning"])])
 def test_an_error_that_noise_and_values_do_not_explain_is_found(gain, expected):
-    """An error of 4 %, four times the misfit, was called small, as below 5 %."""
     table = noisy(surface("coulomb"), 5e-3, 1)
     table = changed(table, force=table.force * np.where(table.level == 4.0, gain, 1.0))
     found = identify(table, model("coulomb", hold_out=(4.0,)))
@@ -51,7 +50,6 @@ def test_an_error_that_noise_and_values_do_not_explain_is_found(gain, expected):
 
 
 def test_the_error_of_a_law_that_misses_is_not_explained_by_its_widened_intervals():
-    """An error of 17 %, of a law with a misfit of 2.5 % that has a pattern, was a warning."""
     found = identify(surface("combined"), CUBIC, Observation(hold_out=(2.0,)))
     assert np.isnan(found.held_out[0].explained)
     assert only(found, "held-out-missed").severity == "doubt"
@@ -183,7 +181,6 @@ def test_the_curve_of_a_linear_oscillator_holds_its_resonance(k, c, m):
 
 @pytest.mark.parametrize("band", [(14.0, 18.0), (14.0, 14.2), (16.5, 40.0)])
 def test_a_curve_in_a_narrow_band_reaches_both_its_edges(band: tuple[float, float]):
-    """A law that is stiffer above its gap: "no steady state" was said in the first two."""
     gap = "k0*x + kg*(Max(0, x - b) + Min(0, x + b)) + c*v", {"k0": 9400.0, "kg": 21e3, "b": 6e-4, "c": 2.1}
     predicted = predict(Oscillator(0.82, *gap), [3.818], band=band)
     curve = predicted.curves[0]

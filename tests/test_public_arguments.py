@@ -14,8 +14,6 @@ from tests.virtual import fundamentals, simulated
 
 LAW = "k*x + c*v"
 TRUE = {"k": 5000.0, "c": 4.0}
-
-
 JENKINS = "k*x + c*v + masing(Min(kt*x, Fs))"
 STICKING = rs.Oscillator(1.5, f"{LAW} + F*sign(v)", {**TRUE, "F": 0.2})
 GROWING = rs.Oscillator(1.5, "-k*x + c*v - kn*x**3", {"k": 6000.0, "c": 1.0, "kn": 1e9})

@@ -16,7 +16,6 @@ from tests.attacks.expressions import answer, text_of
 
 SECONDS = 5.0  # work allowed for an answer
 
-
 QUICK = {
     "tan": "tan(1e300)*x", "exp": "exp(1e300) + c*v", "power": "x**(10**9)",
     # deep fractions, that of 346 with a corner; oscillation at a switch, numbers that cannot be compared,

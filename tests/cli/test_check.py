@@ -116,7 +116,6 @@ def test_the_table_is_printed_and_a_held_out_level_scored(tmp_path, run_cli):
     lines = answer.out.splitlines()
     assert lines[0].startswith("Modal table without a law: ")
     assert "held out 4 N, rest: 17 of 17 points predicted, error" in answer.out
-    # as in the notebook; it was a note
     assert "\nwarning: no point lies near resonance" in answer.out
     loaded = rsgen.load_case(case)
     table = rsgen.modal_table(rsgen.simulate(loaded.oscillator, loaded.test), loaded.model)

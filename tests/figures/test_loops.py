@@ -79,7 +79,6 @@ def test_the_loop_of_a_measured_sweep_has_the_mass_and_the_energy_of_the_benchma
 
 
 def test_a_loop_of_dry_friction_does_not_lean():
-    """Between turns the chord joined the upper branch at one end to the lower branch at the other."""
     joint = rs.Oscillator(0.8, "k*x + c*v + Ff*sign(v)", {"k": 4200.0, "c": 1.1, "Ff": 0.35})
     seen = rs.simulate(joint, rs.DecayTest(level=[14e-3], duration=3, rate=2000, noise_relative=2e-4))
     found = rs.identify(seen, "k*x + c*v + Ff*sign(v)", mass=0.8)

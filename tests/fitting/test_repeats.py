@@ -61,7 +61,6 @@ def test_a_reading_on_another_branch_is_not_averaged_and_one_that_has_not_settle
 
 
 def test_one_wrong_reading_of_two_is_no_noise_of_the_others(cubic):
-    """It doubled the noise of a test, 3.6 for 1.8 %."""
     table = repeated(cubic, 4).select(np.arange(2 * len(cubic)))
     harmonics = np.array(table.harmonics)
     harmonics[5] *= 0.8 * np.exp(0.2j)

@@ -10,8 +10,6 @@ from rsgen.data.record_set import QUANTITIES
 
 RATE = 500.0
 TIME = np.arange(0, 200, 1 / RATE)
-
-
 SINE = np.cos(20 * np.pi * TIME)
 SWEEP = rs.history.TimeHistory(RATE, np.cos(2 * np.pi * (8 + 0.01 * TIME) * TIME), SINE)
 

@@ -414,7 +414,6 @@ def test_a_decay_that_is_fitted_far_below_its_release_says_so() -> None:
     nearer = rsgen.identify(from_free_decay(cut, mass=0.62), law, mass=0.62)
     assert only(nearer, "decay-begins-larger")["fitted"] > 1.4 * short["fitted"]
     assert "windows" not in only(nearer, "decay-begins-larger").names
-    # the first point disagreed with the others, as no cubic follows the fall within its window
     assert "points-excluded" not in codes(found)
 
 

@@ -256,7 +256,6 @@ def test_levels_with_each_others_responses_per_force_are_named(pair):
 @pytest.mark.parametrize("place", [0, 1, 3])
 @pytest.mark.parametrize("read", ["exchanged", "+1", "sign", "sense", "milli", "peak-to-peak"])
 def test_one_level_that_was_read_otherwise_than_the_others_is_named(read, place):
-    """The law was blamed, or two levels were called each other's, as here of velocities."""
     test = surface("cubic")
     test = noisy(test.select(np.isin(test.level, test.levels[:4])), NOISE, 1)
     here, response = test.level == test.levels[place], test.harmonics[:, 1]

@@ -153,7 +153,6 @@ def test_a_spring_that_is_nothing_has_its_largest_share_of_the_force():
     whole = found["k"].value / size**2 + k3.value
     assert cubic["share"] == pytest.approx((abs(k3.value) + 1.96 * k3.standard_error) / whole, rel=1e-2)
     assert "share" not in unseen["c3"].numbers
-    # a damper of larger motions was left out by this advice, and another one took its part
     assert "other levels" in sentence(cubic)
     assert "leave its term out" not in sentence(cubic)
 
@@ -173,7 +172,6 @@ def test_a_value_that_is_nothing_may_be_no_term_to_leave_out(term, values, level
 
 @pytest.mark.parametrize("hardens", ["b**2", "abs(b)"])
 def test_a_coefficient_that_cannot_be_negative_is_said_to_be_so_where_it_goes_to_zero(hardens):
-    """The steps ended near zero, where the law does not change with b, and nothing was said of it."""
     found = rs.identify(cubic_surface(levels=4, frequencies=31), f"k1*x + {hardens}*x**3 + c1*v")
     assert only(found, "not-converged").names == {"flat": "b"}
     assert next_step(only(found, "not-converged")).startswith("Write the coefficient itself")
@@ -231,15 +229,7 @@ def driven_base() -> rs.ResponseSurface:
     return simulated(CUBIC, HARDENING, [1.3, 3.3, 6.7], (8, 12, 50), base="acceleration")
 
 
-def seen_on_base(
-    *,
-    absolute: bool,
-    gain: float = 0,
-    turn: float = 0,
-    delay: float = 0,
-    noise: float = 0.001,
-    line: float = 0,
-) -> rs.ResponseSurface:
+def seen_on_base(*, absolute, gain=0.0, turn=0.0, delay=0.0, noise=0.001, line=0.0) -> rs.ResponseSurface:
     """Return a test of a driven base of which one sensor, of the absolute or relative motion, is wrong.
 
     ``line`` is the inertia of modes below, which both sensors see, per mass of the moving one.

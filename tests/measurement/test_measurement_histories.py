@@ -49,7 +49,6 @@ def contradictions(record) -> dict[tuple[str, str, str], str]:
 
 RATE = "fixed-contradicted", "doubt", "rate"
 
-
 N = 64
 T = np.arange(N) / 50.0
 FORCE = np.sin(T)

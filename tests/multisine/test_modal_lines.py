@@ -44,7 +44,6 @@ def test_intervals_cover_the_truth_and_a_level_held_out_is_not_seen():
 
 
 def test_a_reversed_response_has_no_table():
-    # a mass of -1.5 kg and a stiffness of -5920 N/m were tabulated
     records = spectra("k*x + c*v", noise=0.01)
     with pytest.raises(rs.RsgenError, match="would feed the exciter"):
         rs.modal_table(replace(records, response=-records.response))

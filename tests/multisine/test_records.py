@@ -65,7 +65,6 @@ def test_two_periods_from_rest_are_doubted_and_three_leave_the_first_out():
     longer = from_multisine(records(8, rest=True))
     assert (np.asarray(longer.left_out) >= 1).all()
     assert short(longer) == []
-    # the case says that nothing is to be left out: it was believed
     begins = from_multisine(records(8, rest=True), transient=0)
     said = [one for one in begins.findings if "given" in one.numbers]
     assert [one.severity for one in said] == ["doubt"] * len(records(8))

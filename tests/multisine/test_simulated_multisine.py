@@ -182,7 +182,6 @@ def test_a_file_that_declares_more_than_it_holds_is_refused_before_it_is_read(tm
 
 
 def test_a_softening_spring_that_lets_the_mass_go_on_the_way_is_simulated_from_the_linear_motion():
-    # the steps in time overflowed, and numpy's "singular matrix" was all that was said
     values = {"k": 22628.78, "c": 9.5179, "k3": -4927898749.4, "c2": 10.28249}
     oscillator = rsgen.Oscillator(2.28684162, "k*x + c*v + k3*x**3 + c2*v*abs(v)", values)
     test = rsgen.MultisineTest((0.5307, 1.0614, 2.1229), (7.91594, 28.4974), 2.88, periods=1, seed=1307)

@@ -49,7 +49,6 @@ NAMES = {
     "combined": "cubic-spring + quadratic-damper", "piecewise": "dead-zone",
 }  # fmt: skip
 
-
 MEMORYLESS = [term.source for term in library_terms() if not remembers(term.source.force)]
 """The library as it would be without loops, where these do not matter: they take as long as all others."""
 
@@ -229,7 +228,6 @@ def test_a_preloaded_stop_is_first_or_a_doubt_names_it(stiffer, rest, levels, no
     (3e4, -7.5e5, "cubic-spring", "cubic-spring + quadratic-spring"),
 ])  # fmt: skip
 def test_an_even_spring_competes_where_fundamentals_alone_were_recorded(k2, k3, first, tied) -> None:
-    """It has no fundamental along a motion without a mean: odd laws stood first, and nothing said why."""
     law, values = "k*x + c*v + k2*x**2 + k3*x**3", {"k": 6e3, "c": 4.0, "k2": k2, "k3": k3}
     grid = np.linspace(8.5, 11.5, 40)
     table = virtual(law, values, [1.25, 2.5, 3.75, 5], grid, harmonics=1, noise_relative=3e-3)
@@ -252,14 +250,12 @@ def test_a_power_whose_interval_holds_a_whole_number_is_the_law_with_this_number
     plan = {"sweep": "up", "noise_relative": 3e-4, "method": "harmonic-balance"}
     power = "c*v + k*x + Ff*sign(v) + kp*abs(x)**p*sign(x)"
     ranking = rank(virtual(cubic, values, [4.0, 35.0], grid, 3.4, **plan), [cubic, power], mass=3.4)
-    # of nearly exact data neighbours share what they leave, and BIC was worse by 100
     assert [one.force for one in ranking] == [cubic, power]
     assert ranking[power].values["p"] == pytest.approx(3, abs=0.02)
     assert f"; the same law is {power} with p = 3" in sentence(ranking.verdict.summary)
 
 
 def test_errors_that_neighbours_share_are_no_evidence_for_another_law() -> None:
-    """Of smoothed data each point counted, and BIC of terms that followed the errors was lower by 88."""
     law = "k*x + k3*x**3 + c*v"
     values, grid = {"k": 6e3, "k3": 2e6, "c": 4.0}, np.linspace(8, 13, 50)
     table = virtual(law, values, [1, 2, 4], grid, harmonics=1, noise_relative=0.0)
@@ -477,9 +473,7 @@ def test_a_law_that_is_the_best_is_written_as_a_case_has_it(tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("few_laws")
-def test_the_command_ranks_the_test_of_a_case(
-    tmp_path: Path, run_cli, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_ranks_the_test_of_a_case(tmp_path: Path, run_cli, monkeypatch) -> None:
     path = write_small(tmp_path)
     tested = changed(measured("cubic"), origin="measured")
     monkeypatch.setattr("rsgen.app.cli.rank_command.obtain_table", lambda case: tested)
@@ -496,7 +490,6 @@ def test_the_command_ranks_the_test_of_a_case(
 def test_a_candidate_that_cannot_be_fitted_stands_last_with_the_reason() -> None:
     # friction of the library, a damper that feeds energy, and a force without a value at rest
     table = noisy(surface("coulomb", values={"k": 5920.0, "c": 4.5, "Ff": -0.15}), NOISE, 1)
-    # an exponent that is the displacement was looked up among the values of powers
     growing = "k*x + c*v + a*(2**(100*x) - 2**(-100*x))"
     ranking = rank(table, [laws["coulomb"], "k*x + c*v", growing, "k*x + c*v + F*log(x)"])
     faults = {candidate.name: candidate.fault for candidate in ranking if candidate.fault}
@@ -531,7 +524,6 @@ def test_a_law_of_the_library_in_another_form_is_that_law() -> None:
 
 
 def test_a_stop_that_few_points_of_another_level_show_is_predicted_by_a_fit() -> None:
-    """Levels were predicted by slopes at a breakpoint, 200 % off, so that laws without a stop came first."""
     values = {"k": 4578.0, "c": 2.949, "kg": 8907.0, "b": 2.811e-4}
     law, grid = "k*x + c*v + kg*Max(0, x - b)", np.linspace(5.04, 8.51, 50)
     table = virtual(law, values, [0.035, 0.1167], grid, 2.92, noise_relative=5e-3, seed=5)
@@ -559,7 +551,6 @@ def test_a_term_that_its_identification_does_not_tell_from_zero_is_not_first() -
 
 
 def test_a_law_of_the_user_does_not_move_the_others() -> None:
-    """Nearly dry friction fits by itself; all were compared along its motion, and not the best law's."""
     law, values = "k*x + k3*x**3 + c*v + Ff*sign(v)", {"k": 2.6e4, "k3": 3e8, "c": 6.0, "Ff": 0.6}
     table = virtual(law, values, [2.0, 4.0, 7.0, 11.0], np.linspace(19, 30, 23), 1.45, noise_relative=0.0)
     table = noisy(table, 1e-3, 1)

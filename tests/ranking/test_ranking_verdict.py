@@ -135,9 +135,6 @@ def test_noise_of_small_motions_and_harmonics_does_not_make_a_wrong_law_the_best
     assert best.held_out_error < 0.01
 
 
-PLUCKED = "k*x + c*v + k3*x**3", {"k": 24674.0, "c": 0.9425, "k3": 1.85e9}, 1.0, [2e-3]
-
-
 def test_rounds_are_compared_at_the_points_of_all() -> None:
     test = PointTest(measured("cubic"), BASE, ())
     whole = test.along(CandidateLaw("", BASE.elements, ABOUT), None)
@@ -244,16 +241,15 @@ def test_a_tied_law_whose_formula_contains_the_best_one_is_said_to_contain_it() 
 
 
 @pytest.mark.parametrize("code", ["damping-feeds-energy", "not-converged"])
-def test_a_law_that_feeds_energy_into_a_decay_is_not_first_where_another_fits(
-    code: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_law_that_feeds_energy_into_a_decay_is_not_first_where_another_fits(code: str, monkeypatch) -> None:
     feeding = Finding(code, "doubt", "c", quantities(value=-1.0, share=2.0))
 
     def doubted(surface: ResponseSurface, model: Model) -> Identification:
         found = identify(surface, model)
         return changed_result(found, findings=(*found.findings, feeding)) if "ka" in found.values else found
 
-    decay = decayed(*PLUCKED, duration=6, rate=1200, seed=4)
+    plucked = "k*x + c*v + k3*x**3", {"k": 24674.0, "c": 0.9425, "k3": 1.85e9}, 1.0, [2e-3]
+    decay = decayed(*plucked, duration=6, rate=1200, seed=4)
     rivals = ["ka*x + c*v + k3*x**3", "k*x + c*v + k3*x**3 + k5*x**5"]
     assert "ka" in rank(decay, rivals, mass=1.0).candidates[0].values
     monkeypatch.setattr("rsgen.identification.ranking.rank_laws.identify", doubted)

@@ -121,9 +121,7 @@ def test_a_refusal_is_neither_doubtful_nor_rejected():
 
 
 @pytest.mark.parametrize(("kind", "seed"), [("few points", 6076), ("one side", 6040)])
-def test_where_a_stop_is_and_how_stiff_one_point_does_not_tell(
-    kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_a_stop_is_and_how_stiff_one_point_does_not_tell(kind: str, seed: int, monkeypatch) -> None:
     drawn = campaign.KINDS[kind](campaign.draw(seed, ["gap"]), np.random.default_rng([seed, 1]))
     surface, asked = drawn.surface(), list[float]()
     assert np.count_nonzero(surface.amplitude > drawn.truth.values["b"]) == 1
