@@ -14,11 +14,8 @@ from rsgen.common.declaration import Rule, read_hint
 from tests.programs import python
 
 
-def test_the_public_names_are_listed():
+def test_the_public_names_are_listed_and_an_unknown_one_is_answered_with_them():
     assert dir(rsgen) == sorted([*rsgen.__all__, "__version__"])
-
-
-def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(AttributeError, match="identify, laws"):
         _ = rsgen.identfy
 

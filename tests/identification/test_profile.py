@@ -197,8 +197,6 @@ def test_what_a_law_misses_is_no_likelihood():
 
 
 M = 1.5
-SPLINE = 1e-2
-"""Largest deviation, relative to the largest force, that a corner leaves in the spline."""
 
 
 def curve(stiffness, damping=lambda V: 3.8, points: int = 1200, noise: float = 0.0) -> EquivalentCurve:
@@ -221,10 +219,10 @@ def gap(X):
 @pytest.mark.parametrize(("stiffness", "spring", "off"), [
     (lambda X: 5920, lambda x: 5920 * x, 1e-4),
     (lambda X: 5920 + 0.75 * 1e6 * X**2, lambda x: 5920 * x + 1e6 * x**3, 1e-4),
-    (lambda X: 5920 + 0.625 * 1e9 * X**4, lambda x: 5920 * x + 1e9 * x**5, 1e-4),
     (lambda X: 5920 + 8 * 4e4 * X / (3 * np.pi), lambda x: 5920 * x + 4e4 * x * np.abs(x), 1e-4),
-    (gap, lambda x: np.where(x < 0.01, 5920 * x, 8000 * x - 20.8), SPLINE),
-], ids=["linear", "cubic", "quintic", "quadratic", "gap"])  # fmt: skip
+    # what a corner leaves in a spline
+    (gap, lambda x: np.where(x < 0.01, 5920 * x, 8000 * x - 20.8), 1e-2),
+], ids=["linear", "cubic", "quadratic", "gap"])  # fmt: skip
 def test_springs_come_back(stiffness, spring, off):
     found = invert_curve(curve(stiffness), M)
     exact = spring(found.displacement)

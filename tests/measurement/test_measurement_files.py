@@ -202,9 +202,7 @@ def test_archives_hold_no_pickles_and_no_lies():
 TRAPS = {
     **dict.fromkeys(("external", "virtual", "raw", "soft")),
     "declared": lambda file: file.create_dataset("x", (10**12,), "f8", chunks=(1000,)),
-    "text": lambda file: file.update({"x": ["a", "b"]}),
     "opaque": lambda file: file.create_dataset("x", data=np.void(b"\x80\x04cposix\nsystem\n")),
-    "reference": lambda file: file.update({"x": np.array([file.ref], dtype=h5py.ref_dtype)}),
     "deep": lambda file: file.update({"/".join("x" * 40): np.ones(4)}),
 }
 """Those that lead outside of the file are ways of ``outside_ways``."""

@@ -406,13 +406,9 @@ _WITHOUT_PHASES = {
 }
 
 
-@cache
-def _exact(name: str) -> ResponseSurface:
-    return virtual(*_WITHOUT_PHASES[name], [2, 5, 8, 12], np.linspace(8, 13, 31), noise_relative=0.0)
-
-
 def _without_phases(name: str, seed: int) -> ResponseSurface:
-    return without_phase(noisy(_exact(name), NOISE, seed))
+    exact = virtual(*_WITHOUT_PHASES[name], [2, 5, 8, 12], np.linspace(8, 13, 31), noise_relative=0.0)
+    return without_phase(noisy(exact, NOISE, seed))
 
 
 @pytest.mark.slow

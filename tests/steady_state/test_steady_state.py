@@ -22,12 +22,7 @@ def oscillator(law: str, mass: float = 1.5, **values: float) -> Oscillator:
     return Oscillator(mass, law, values)
 
 
-def x_itself(x: float, v: float) -> float:
-    return x
-
-
-def v_itself(x: float, v: float) -> float:
-    return v
+x_itself, v_itself = (lambda x, v: x), (lambda x, v: v)
 
 
 def _piecewise(c4: float, k4: float, k5: float, b: float) -> Law:
