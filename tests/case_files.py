@@ -76,3 +76,13 @@ def law(*forces: str, **truth: float | str) -> Changes:
         "element": [{"name": f"part{i}", "force": force} for i, force in enumerate(forces)],
         "truth": truth,
     }
+
+
+def corpus(name: str) -> list[dict[str, Any]]:
+    """Return the entries of a reviewed corpus; inputs of ``@@PY:`` are expressions: repetitions and joins."""
+    entries = json.loads(Path(__file__).with_name("corpus").joinpath(name).read_text(encoding="utf-8"))
+    for entry in entries:
+        text = entry.get("input", "")
+        if text.startswith("@@PY:"):
+            entry["input"] = eval(text.removeprefix("@@PY:"), {"__builtins__": {"range": range}})
+    return list(entries)

@@ -21,7 +21,7 @@ from rsgen.common.errors import CaseError, RsgenError
 from rsgen.formula.names import check_name
 from rsgen.formula.printing import write as write_formula
 from tests.case.faults import FAULTS, SENTENCES
-from tests.case_files import GONE, MEASURED, SMALL, changed, write_small
+from tests.case_files import GONE, MEASURED, SMALL, changed, corpus, write_small
 from tests.surfaces import codes
 
 ROOT = Path(__file__).parents[2]
@@ -38,16 +38,6 @@ def write(folder: Path, text: str, name: str = "case.toml") -> Path:
     path = folder / name
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     return path
-
-
-def corpus(name: str) -> list[dict]:
-    entries = json.loads((Path(__file__).parents[1] / "corpus" / name).read_text(encoding="utf-8"))
-    for entry in entries:
-        text = entry.get("input", "")
-        if text.startswith("@@PY:"):
-            # these entries are expressions of this file's own, reviewed copy: repetitions and joins
-            entry["input"] = eval(text.removeprefix("@@PY:"), {"__builtins__": {"range": range}})
-    return entries
 
 
 SAID = json.loads(SENTENCES.read_text(encoding="utf-8"))

@@ -141,12 +141,6 @@ def test_of_two_numbers_in_a_name_either_may_be_the_level(tmp_path):
         read_measurement(test)
 
 
-def test_a_force_that_was_held_is_no_held_response(tmp_path):
-    forces = {f"{level}.csv": level * (1 + 0.5 * np.sin(FREQUENCY)) for level in (1, 3)}
-    test = of_files(tmp_path, forces, level=LevelRule(name="{level}.csv"), control="response")
-    assert severities(read_measurement(test))["response-not-held"] == "doubt"
-
-
 def test_unstable_points_of_a_continuation_are_marked(tmp_path):
     """Above the resonance the force that holds an amplitude falls between two folds."""
     frequency = np.repeat(np.linspace(10.6, 11.8, 6), 24)

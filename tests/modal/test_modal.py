@@ -333,6 +333,7 @@ def test_a_gap_of_a_level_held_out_has_no_rows_and_intervals_that_contain_what_t
     whole = rsgen.modal_table(test, mass=3.4)
     table = rsgen.modal_table(test, Observation(hold_out=[20.0]), mass=3.4)
     hole = only(table, "modal-hole")
+    assert (hole.severity, "by" in hole.names, "modal-hole" in codes(whole)) == ("warning", False, False)
     rows, low, high = table.amplitude, hole["low"], hole["high"]
     assert not np.any((rows > low) & (rows < high))
     assert {low, high} <= {*rows}

@@ -16,7 +16,7 @@ from rsgen.report.provenance import Subject
 from rsgen.report.result_json import Parts
 from tests import samples
 from tests.report.browser import A4, AXE, DESK, PHONE, Page, in_browser
-from tests.report.test_report import hostile_titles
+from tests.report.test_report import HOSTILE_TITLES
 
 pytestmark = pytest.mark.thorough
 
@@ -32,7 +32,7 @@ def pages(tmp_path_factory):
     cubic = samples.cubic_identification(surface)
     prediction, comparison = samples.cubic_prediction(surface, (1.0,)), samples.cubic_comparison(cubic)
     drawings = draw_all(Subject.of_case(samples.cubic_case(), cubic), surface, cubic, prediction)
-    titles = hostile_titles()
+    titles = HOSTILE_TITLES
 
     def write(name: str, found: Identification = cubic, **changes) -> str:
         subject = Subject.of_case(samples.cubic_case(**changes), found)

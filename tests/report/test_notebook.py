@@ -16,7 +16,7 @@ import rsgen
 from rsgen.identification.prediction.resonance_curves import predict_shown
 from rsgen.report.notebook import build_notebook, literal, prose, write_notebook
 from tests.case_files import CUBIC, write_small
-from tests.report.test_report import hostile_titles
+from tests.report.test_report import HOSTILE_TITLES
 from tests.samples import cubic_case
 from tests.surfaces import MASS, changed, model, surface
 
@@ -47,7 +47,7 @@ def test_prose_has_no_markup(text):
     assert not set(plain) & set("[]{}<>`*_\\$|!@~&:\n")
 
 
-@pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
+@pytest.mark.parametrize("title", HOSTILE_TITLES, ids=lambda title: ascii(title[:24]))
 def test_texts_of_a_case_are_never_code(title):
     tame = build_notebook(cubic_case())
     hostile = build_notebook(cubic_case(title=title, source=title, text=f"{title}\n"))

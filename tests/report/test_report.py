@@ -3,7 +3,6 @@
 import json
 import re
 import unicodedata
-from ast import literal_eval
 from collections import Counter
 from dataclasses import replace
 from functools import cache
@@ -36,7 +35,7 @@ from rsgen.report.provenance import Subject, page_environment, plain_text
 from rsgen.report.result_json import Parts, build_result, result_text
 from rsgen.report.sentences import error_text, sentence
 from tests import samples
-from tests.case_files import CUBIC, GONE, SMALL
+from tests.case_files import CUBIC, GONE, SMALL, corpus
 from tests.case_files import changed as changed_case
 from tests.samples import C1, K1, MASS, cubic_case, empty_drawings
 
@@ -44,18 +43,8 @@ SURFACE = samples.cubic_surface()
 IDENTIFICATION = samples.cubic_identification(SURFACE)
 PREDICTION = samples.cubic_prediction(SURFACE, held_out=(1.0,))
 COMPARISON = samples.cubic_comparison(IDENTIFICATION)
-CORPUS = Path(__file__).parents[1] / "corpus" / "titles.json"
+HOSTILE_TITLES = [entry["input"] for entry in corpus("titles.json")]
 MOST_BYTES = 2_000_000  # a mail still takes it
-
-
-def hostile_titles() -> list[str]:
-    titles = []
-    for entry in json.loads(CORPUS.read_text(encoding="utf-8")):
-        text = entry["input"]
-        # long texts are written as Python literals of a repetition
-        repeated = re.fullmatch(r'@@PY:("(?:[^"\\]|\\.)*")\s*\*\s*(\d+)', text)
-        titles.append(literal_eval(repeated[1]) * int(repeated[2]) if repeated else text)
-    return titles
 
 
 def parts_of(found: Identification = IDENTIFICATION, comparison: rsgen.Comparison = COMPARISON, **changes):
@@ -144,7 +133,7 @@ def test_a_page_says_where_higher_harmonics_part_the_points_from_the_formulas(sh
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("title", hostile_titles(), ids=lambda title: ascii(title[:24]))
+@pytest.mark.parametrize("title", HOSTILE_TITLES, ids=lambda title: ascii(title[:24]))
 def test_titles_are_text(title):
     tame = Outline(page())
     found = replace(IDENTIFICATION, findings=(rsgen.Finding.note(title),))

@@ -91,20 +91,17 @@ def test_a_tampered_test_asks_for_findings_that_there_are():
     *(("missing", seed) for seed in (933, 1238, 1335)),
     # a far start misses the points that pass a gap by far: kg was 3800 N/m, at most 9100, for 14 700
     ("right", 1424),
+    # exact data
+    ("right", 1534),
 ])  # fmt: skip
 def test_intervals_contain_what_noise_hides_and_points_that_a_start_misses_are_no_outliers(kind, seed):
     row = campaign.run(kind, seed)
     assert row.identified
     assert not row.wrong
-    if kind == "right":
+    if seed == 1424:
         assert "points-excluded" not in row.codes
         assert row.covered["b"]
-
-
-def test_exact_data_of_a_right_law_are_no_doubt():
-    row = campaign.run("right", 1534)
-    assert row.identified
-    assert max(map(abs, row.share.values())) < 5e-3
+    assert seed != 1534 or max(map(abs, row.share.values())) < 5e-3
 
 
 def test_a_descent_that_creeps_is_not_corrected_into_another_solution():
