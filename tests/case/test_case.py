@@ -84,14 +84,11 @@ def test_every_fault_has_its_sentences_and_names_the_file_as_typed(fault, tmp_pa
     assert [f"{typed}: {sentence}" for sentence in SAID[fault.name]] == list(found)
 
 
-_PLACE = re.compile(r"line \d+|[a-z]+[\w.]*: |nested|a number")
-"""A line or a key; of two faults of the text the parser says no place."""
-
-
 def test_every_sentence_has_a_place_and_what_is_known():
     assert all(SAID[fault.name] for fault in FAULTS)
     for sentence in (sentence for said in SAID.values() for sentence in said):
-        assert _PLACE.match(sentence), sentence
+        # a line or a key; of two faults of the text the parser says no place
+        assert re.match(r"line \d+|[a-z]+[\w.]*: |nested|a number", sentence), sentence
         assert not re.search(r"known: *($|;)", sentence), sentence
         # that of [identify] is like no key of [test]
         if "is not a key here" in sentence and not sentence.startswith("test.calibrated"):
@@ -135,15 +132,12 @@ def test_folders_are_searched_for_cases(tmp_path):
             find_cases([tmp_path / name])
 
 
-# ids of entries about keys of a case, not about names of parameters
-_KEYS_OF_A_CASE = {"param-034", "param-035", "param-036", "param-045"}
-
-
 @pytest.mark.parametrize("entry", corpus("parameters.json"), ids=lambda e: e["id"])
 def test_hostile_parameter_tables(tmp_path, entry):
     text = entry["input"]
     refused(write(tmp_path, text))
-    if entry["id"] in _KEYS_OF_A_CASE:
+    # about keys of a case, not about names of parameters
+    if entry["id"] in {"param-034", "param-035", "param-036", "param-045"}:
         return
     names = []
     for name in dict.fromkeys(re.findall(r"^\ufeff?\s*([A-Za-z]\w*)\s*=", text[:2000], re.MULTILINE)):
@@ -206,10 +200,7 @@ def test_a_test_that_was_read_has_the_mass_of_its_case(tmp_path):
     assert found["m"].value != 1.51
 
 
-@functools.cache
-def _validator():
-    schema = case_schema()
-    return jsonschema.validators.validator_for(schema)(schema)
+_validator = functools.cache(lambda: jsonschema.validators.validator_for(case_schema())(case_schema()))
 
 
 @pytest.mark.parametrize("path", [*CASES, *FORMATS], ids=lambda path: path.stem)

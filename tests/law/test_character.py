@@ -16,6 +16,7 @@ from tests.surfaces import codes
 SATURATION = "Max(-Fm, Min(ks*x, Fm))"
 BOUC_WEN = {"z": "alpha*v - bg*abs(v)*z - bd*v*abs(z)"}
 LUGRE = {"z": "v - s0*abs(v)/(Fc + (Fs - Fc)*exp(-(v/w)**2))*z"}
+
 MAXWELL = {"z": "k1*v - z/tau"}
 
 

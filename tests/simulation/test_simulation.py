@@ -74,8 +74,6 @@ def test_a_gap_met_late_in_the_transient_is_not_overlooked():
     assert largest_difference(o, simulate(o, test)) < 1e-4
 
 
-# laws with memory
-
 LINEAR = {"c": 3.8, "k": 5922.0}
 JENKINS = Oscillator(1.5, "c*v + k*x + masing(Min(kt*x, Fs))", LINEAR | {"kt": 3000.0, "Fs": 2.0})
 BOUC_WEN = Oscillator(

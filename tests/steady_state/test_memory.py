@@ -12,15 +12,13 @@ BOUC_WEN = rs.Law("c*v + k*x + z", memory={"z": "alpha*v - bg*abs(v)*z - bd*v*ab
 BENCHMARK = {"c": 10.0, "k": 5e4, "alpha": 5e4, "bg": 800.0, "bd": -1100.0}
 """The hysteretic benchmark of Noel and Schoukens (2016), mass 2 kg."""
 
-RESONANCE = (np.array([8.0, 20.0, 45.0, 60.0, 80.0]), np.array([34.0, 33.0, 31.5, 29.0, 46.0]))
-"""Levels [N] and frequencies [Hz] on both sides of the peak, from nearly linear to full events."""
-
 
 @pytest.mark.slow
 @pytest.mark.parametrize("accuracy", [1e-4, 1e-6])
 def test_bouc_wen_agrees_with_dop853(accuracy):
     structure, oscillator = events.bouc_wen(2.0, **BENCHMARK), rs.Oscillator(2.0, BOUC_WEN, BENCHMARK)
-    F, f = RESONANCE
+    # on both sides of the peak, from nearly linear to full events
+    F, f = np.array([8.0, 20.0, 45.0, 60.0, 80.0]), np.array([34.0, 33.0, 31.5, 29.0, 46.0])
     asked = solve_steady_states(oscillator, F, f, accuracy=accuracy)
     near = solve_steady_states(oscillator, F, f, accuracy=1e-8)
     assert asked.settled.all()
