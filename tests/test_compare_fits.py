@@ -69,12 +69,8 @@ def test_identified_results_that_disagree_are_named(fits):
     assert rs.compare_fits([fits[0], doubted]).findings == ()
 
 
-@pytest.fixture(scope="module")
-def combined():
-    return rs.identify(surface("combined", levels=np.array([2.0, 6, 12])), model("combined"))
-
-
-def test_a_missed_tolerance_fails_the_whole_and_forces_are_judged_over_the_tested_range(combined):
+def test_a_missed_tolerance_fails_the_whole_and_forces_are_judged_over_the_tested_range():
+    combined = rs.identify(surface("combined", levels=np.array([2.0, 6, 12])), model("combined"))
     # 10 % on the cubic term, whose share of the force at the largest X is the deviation
     wrong = truth("combined") | {"kn": 3.3e5}
     result = rs.compare(combined, wrong, {"kn": 1e-2, "stiffness_force": 1e-3, "c": 1e-2})

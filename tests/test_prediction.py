@@ -282,15 +282,13 @@ def test_folds_lie_where_the_frequency_turns(law, levels):
     assert folds >= 4
 
 
-@pytest.fixture(scope="module")
-def linear():
-    return surface("cubic", values={"k": 5920.0, "kn": 0.0, "c": 3.8})
+LINEAR = {"k": 5920.0, "kn": 0.0, "c": 3.8}
 
 
-def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear):
+def test_a_band_is_the_slope_of_the_amplitude_times_the_error():
     # |X| = F/|D|, D = k - m omega^2 + i omega c: by k dX = -X Re(D)/|D|^2, by c -X omega Im(D)/|D|^2;
     # the errors of both go together
-    found = identify(linear, Model("k*x + c*v"))
+    found = identify(surface("cubic", values=LINEAR), Model("k*x + c*v"))
     assert [e.name for e in found.refined] == ["c", "k", "m"]
     error = np.array([0.1, 8.0, 0.0])
     covariance = np.outer(error, error) * np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.0], [0.0, 0.0, 0.0]])
@@ -305,8 +303,8 @@ def test_a_band_is_the_slope_of_the_amplitude_times_the_error(linear):
     assert ((curve.upper - curve.lower) / 2)[shown] == pytest.approx(half[shown], rel=1e-3, abs=1e-9)
 
 
-def test_a_curve_has_the_phase_error_of_the_test_once(linear):
-    psi = 0.3
+def test_a_curve_has_the_phase_error_of_the_test_once():
+    linear, psi = surface("cubic", values=LINEAR), 0.3
     seen = changed(linear, force=linear.force * np.exp(-1j * psi))
     found = identify(seen, Model("k*x + c*v"), Observation(background="phase"))
     curve = predict(found, [5.0]).curves[0]

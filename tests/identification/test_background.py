@@ -32,17 +32,12 @@ def of_mode(table: ResponseSurface, mass: float, frequency: float, ratio: float)
     return table.force / mass / (own**2 - table.omega**2 + 2j * ratio * own * table.omega)
 
 
-@pytest.fixture(scope="module")
-def cubic():
-    return surface("cubic")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "psi", "a", "b"), [
     ("phase", -2.5, 0, 0), ("constant", 0.2, 2.1e-3, 0), ("residuals", PSI, FLEXIBILITY, INERTIA),
 ])  # fmt: skip
-def test_what_is_put_beside_the_mode_comes_out(cubic, kind, psi, a, b):
-    seen = among_others(cubic, psi, a, b)
+def test_what_is_put_beside_the_mode_comes_out(kind, psi, a, b):
+    seen = among_others(surface("cubic"), psi, a, b)
     found = identify(seen, model("cubic"), Observation(background=kind))
     assert max(errors(found, truth("cubic")).values()) < EXACT
     shape, values = found.background.shape(seen.omega, seen.force), found.background.values
@@ -68,9 +63,9 @@ def test_a_neighbour_as_strong_as_the_mode_has_a_term_of_its_own():
     assert neighbour["r_re"] == pytest.approx(1 / 1.5, rel=1e-2)
 
 
-def test_predictions_are_of_what_the_sensor_sees(cubic):
-    seen = among_others(cubic, PSI, FLEXIBILITY, INERTIA)
-    level = float(cubic.levels[3])
+def test_predictions_are_of_what_the_sensor_sees():
+    seen = among_others(surface("cubic"), PSI, FLEXIBILITY, INERTIA)
+    level = float(seen.levels[3])
     found = identify(seen, model("cubic"), Observation("residuals", hold_out=(level,)))
     held = predict(found, surface=seen).held_out[0]
     assert held.error < 1e-4
@@ -88,8 +83,8 @@ OFFSET = 4e-4 - 2e-4j
 
 
 @pytest.mark.slow
-def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cubic):
-    seen = noisy(beside(cubic, OFFSET, origin="measured"), 0.01, 3)
+def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover():
+    seen = noisy(beside(surface("cubic"), OFFSET, origin="measured"), 0.01, 3)
     without = identify(seen, model("cubic"), Observation(background="phase"))
     proposal = only(without, "background-missing")
     assert proposal in without.verdict.decided_by
@@ -104,8 +99,9 @@ def test_a_misfit_that_an_offset_explains_proposes_it_and_its_intervals_cover(cu
 
 
 @pytest.mark.parametrize(("psi", "severity"), [(0.75, "doubt"), (0.5, "doubt"), (-0.3, "info"), (0.1, None)])
-def test_a_phase_error_that_a_filter_would_pay_in_amplitude_is_said(cubic, psi, severity):
-    found = identify(among_others(cubic, psi, 0, 0), model("cubic"), Observation(background="phase"))
+def test_a_phase_error_that_a_filter_would_pay_in_amplitude_is_said(psi, severity):
+    seen = among_others(surface("cubic"), psi, 0, 0)
+    found = identify(seen, model("cubic"), Observation(background="phase"))
     assert found["psi"] is found.background.estimates[0]
     turned = found.fit.regression.parameters.copy()
     turned[4] += 2 * np.pi

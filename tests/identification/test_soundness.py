@@ -21,14 +21,9 @@ def said(table: ResponseSurface, law: object = model("cubic")) -> dict[str, str]
     return severities(identify(table, law))
 
 
-@pytest.fixture
-def table():
-    return noisy(surface("cubic"), 0.01, 2)
-
-
 @pytest.mark.parametrize(("law", "curve"), [("k*x", "c(X)"), ("c*v", "k(X)")])
-def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(table, law, curve):
-    found = identify(table, law, mass=MASS).findings
+def test_round_off_of_a_law_that_lacks_a_term_has_no_sign(law, curve):
+    found = identify(noisy(surface("cubic"), 0.01, 2), law, mass=MASS).findings
     assert curve not in {finding.names["curve"] for finding in found if finding.code == "curve-negative"}
 
 
@@ -136,7 +131,9 @@ def test_no_background_is_advised_that_does_not_help_or_hides_a_sign_or_a_quanti
     assert "background-missing" not in found
 
 
-def test_points_at_the_limit_of_a_record_are_counted(table):
+def test_points_at_the_limit_of_a_record_are_counted():
+    table = noisy(surface("cubic"), 0.01, 2)
+
     def remarked(limit: float) -> str:
         numbers = {"samples": Quantity(3000), "limit": Quantity(limit, "m/s^2")}
         names = {"record": "a.csv", "signal": "response"}
