@@ -175,6 +175,12 @@ def test_a_sweep_through_a_case_gives_what_stepped_sine_gives(name: str) -> None
     assert c.max() < AS_STEPPED
 
 
+def spoilt(clean: TimeHistory, noise: float, random: np.random.Generator) -> TimeHistory:
+    draws = random.normal(size=(2, len(clean)))
+    parts = zip((clean.force, clean.response), draws, strict=True)
+    return TimeHistory(clean.rate, *(part + noise * np.std(part) * draw for part, draw in parts))
+
+
 @cache
 def jumping(cubic: float, level: float, law: SweepLaw, stop: float) -> TimeHistory:
     """Sweep an oscillator at 10 Hz, half width 0.05 Hz, through a resonance that jumps."""
@@ -189,11 +195,7 @@ def test_the_frequency_of_a_point_is_that_of_the_force(cubic: float, down: bool,
     """After a jump the response rings at its own frequency; points that say so would go back, by 0.5 Hz."""
     law = SweepLaw("linear", 11.5 if down else 9.0, -0.04 if down else 0.04)
     clean = jumping(cubic, 2.0, law, 9.0 if down else 11.5)
-    parts = zip(
-        (clean.force, clean.response), np.random.default_rng(1).normal(size=(2, len(clean))), strict=True
-    )
-    noisy = (part + noise * np.std(part) * draw for part, draw in parts)
-    surface = from_swept_sine(TimeHistory(clean.rate, *noisy))
+    surface = from_swept_sine(spoilt(clean, noise, np.random.default_rng(1)))
     steps = np.diff(surface.frequency) * (-1 if down else 1)
     assert (steps > 0).all()
     # evenly in time under a law that is known
