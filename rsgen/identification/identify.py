@@ -119,7 +119,10 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
     feeds = observed.mode(found.background).feed_exciter
     hidden = found.regression.sigma > MISFIT_OF_NOISE and found.hidden_by_noise.any()
     if not (feeds or hidden) and attained < found.regression.rms_misfit < MISFIT_REJECTED:
-        found = _refit_with_simulator(found)
+        simulated = _refit_with_simulator(found)
+        if law.remembers and simulated is not found:
+            return simulated
+        found = simulated
     return _descended(found)
 
 
@@ -214,7 +217,13 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     few = problem.observed.mode(balanced.background).spread(SUBSAMPLE_POINTS)
     part = balanced.select(few)
     quick = fit_simulator(part.problem, part, accuracy=accuracy)
-    if quick is None or _loses_held(quick, part):
+    lost = quick is None or _loses_held(quick, part)
+    if quick is not None and problem.law.remembers and not quick.regression.converged:
+        # a value that neither orders nor the simulator settle, as one that grows without end, has no interval
+        worse = lost or quick.regression.rms_misfit > balanced.regression.rms_misfit
+        best = balanced if worse or len(few) < len(balanced.force) else quick
+        return replace(best, regression=replace(best.regression, converged=False))
+    if quick is None or lost:
         # nor would it follow enough of all points
         return balanced
     near = replace(balanced.regression, parameters=quick.regression.parameters)

@@ -405,6 +405,7 @@ class Findings:
             len(self.surface),
             self.surface.level_unit,
             decays=self.surface.decays,
+            converged=self.fit.regression.converged,
             stopped=stopped & np.isnan(self.fit.regression.misfit),
         )
 

@@ -115,6 +115,7 @@ def exclusion_findings(
     *,
     stopped: NDArray[np.bool_],
     decays: bool = False,
+    converged: bool = True,
 ) -> list[Finding]:
     """Find too many excluded points, and excluded points that are neighbours.
 
@@ -130,6 +131,8 @@ def exclusion_findings(
         (n,) points that are no evidence against the law, where friction nearly holds the mass.
     decays
         True for a free decay, whose small motions may be excluded for noise: only the large half counts.
+    converged
+        Of the fit: where its steps merely ended, what disagrees with them is no evidence against the law.
     """
     if not excluded.any():
         return []
@@ -139,13 +142,16 @@ def exclusion_findings(
     excluded = excluded & ~stopped
     count = int(np.count_nonzero(excluded))
     limits = MAX_SHARE_OF_OUTLIERS_BY_CHANCE, _MAX_EXCLUDED_SHARE
-    severity = severity_of(count / len(points), *limits) if count > _MAX_SINGLE_EXCLUDED else "warning"
-    names = {"by": "fall"} if decays else dict[str, str]()
+    judged = converged and count > _MAX_SINGLE_EXCLUDED
+    severity = severity_of(count / len(points), *limits) if judged else "warning"
+    of_run: Severity = "doubt" if converged else "warning"
+    unsettled = {} if converged else {"unsettled": "yes"}
+    names = {"by": "fall"} if decays else unsettled
     if 0 < count == numbers["excluded"].value and not decays:
         where = points_at(points.level[excluded], points.omega[excluded] / 2 / np.pi, level_unit)
         jump = count <= _MAX_SINGLE_EXCLUDED
         jump &= all(at_jump(points.amplitude[rows], excluded[rows]) for rows in points.runs)
-        severity, names = ("info", {"jump": where}) if jump else (severity, {"where": where})
+        severity, names = ("info", {"jump": where}) if jump else (severity, {**names, "where": where})
     found = [Finding("points-excluded", severity, numbers=numbers, names=names)]
     for rows in points.runs:
         starts, lengths = true_runs(excluded[rows])
@@ -158,7 +164,7 @@ def exclusion_findings(
             data = {"low": Quantity(float(ends[0]), "Hz"), "high": Quantity(float(ends[1]), "Hz")}
             data |= quantities(excluded=lost, points=len(rows), together=longest)
             data["level"] = Quantity(float(points.level[rows[0]]), level_unit)
-            found.append(Finding("points-excluded", "doubt", numbers=data))
+            found.append(Finding("points-excluded", of_run, numbers=data, names=unsettled))
     return found
 
 

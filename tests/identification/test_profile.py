@@ -9,6 +9,7 @@ import pytest
 import rsgen as rs
 from rsgen import ResponseSurface, identify
 from rsgen.identification.fitting import least_squares
+from rsgen.identification.fitting.forward import Simulator
 from rsgen.identification.profile import Profile, _Likelihood, profile, with_profiles
 from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.results.result import EquivalentCurve, Estimate
@@ -151,6 +152,20 @@ def test_values_that_noise_hides_are_not_determined_and_not_simulated():
     assert found["Fc"].interval[0] < named["Ff"] < found["Fc"].interval[1]
 
 
+def test_a_joint_without_compliance_is_not_sought_for_minutes(monkeypatch):
+    """Its stiffness grows without end, by the formula as by the element of the library."""
+    named, how = {"k": 26500.0, "k5": 4.4e13, "c": 1.9, "Ff": 0.28}, {"noise_relative": 4e-4, "seed": 1}
+    test = simulated("k*x + k5*x**5 + c*v + Ff*sign(v)", named, [1.2, 3, 7, 12], (18, 31, 14), 1.37, **how)
+    # no new derivatives for steps without end
+    monkeypatch.setattr(Simulator, "renew", None)
+    slips = rs.Law("masing(Min(kt*x, Fs))"), rs.laws["jenkins"]
+    user, library = (identify(test, law + "k*x + k5*x**5 + c*v", mass=1.37) for law in slips)
+    assert [finding.code for finding in user.verdict.decided_by] == ["not-converged"]
+    assert user.values == library.values
+    for name, value in {"Fs": named.pop("Ff"), **named}.items():
+        assert user.values[name] == pytest.approx(value, rel=5e-3)
+
+
 def test_a_profile_follows_values_that_go_together():
     # with another Fs the stiffness of the slider, the spring and the motions near the resonance are others
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 4967.0, "c": 1.0925, "kt": 993.4, "Fs": 0.06644}
@@ -170,10 +185,13 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     """Errors by the slopes, and shifts by alternatives, are those of the least sum of squares."""
     descend = least_squares.descend
     monkeypatch.setattr(least_squares, "descend", lambda *given: (*descend(*given)[:3], False))
+    monkeypatch.setattr(least_squares, "_agreeing", lambda *given: given[2] & (np.arange(len(given[2])) > 11))
     values = {"k": 5920.0, "c": 2.0, "k3": 2e6}
     test = simulated(CUBIC, values, [1.0, 4.0], (8.5, 12, 20), noise_relative=1e-2)
     found = identify(test, "k*x + c*v + c3*v**3")
     assert "not-converged" in codes(found)
+    left = [finding for finding in found.findings if finding.code == "points-excluded"]
+    assert [(finding.severity, finding.names["unsettled"]) for finding in left] == [("warning", "yes")] * 2
     assert found.outcome["identified"] == 0
     assert not found["c3"].finding.numbers
     for estimate in found:
