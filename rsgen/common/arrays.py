@@ -66,7 +66,7 @@ def blocks(count: int, size: int) -> list[slice]:
 
 
 def blocks_joined(
-    count: int, found: Iterable[tuple[slice, Any]], names: Sequence[str]
+    count: int, found: Iterable[tuple[slice | Chosen, Any]], names: Sequence[str]
 ) -> dict[str, NDArray[Any]]:
     """Join what was found of each block of rows, and forget it at once: all blocks together fill the memory.
 

@@ -26,6 +26,13 @@ def quantities(unit: str = "", /, **numbers: float | Quantity) -> dict[str, Quan
     return {k: n if isinstance(n, Quantity) else Quantity(float(n), unit) for k, n in numbers.items()}
 
 
+def bounded(unit: str, name: str, value: float, ends: tuple[float, float]) -> dict[str, Quantity]:
+    """Name a number of a finding and, where it has an error, the ends of its interval, all in a unit."""
+    low, high = ends
+    more = {f"{name}_low": low, f"{name}_high": high} if low < high else {}
+    return quantities(unit, **{name: value}, **more)
+
+
 def severity_of(size: float, doubt: float, error: float) -> Severity:
     """Return the severity of a size by two limits."""
     return "error" if size > error else "doubt" if size > doubt else "warning"

@@ -28,10 +28,11 @@ from rsgen.common.tolerances import (
     MAX_NEWTON_STEPS,
     MAX_TRIAL_STEPS,
     POINTS_PER_BLOCK,
+    RELATIVE_CHANGE_NEGLIGIBLE,
 )
 from rsgen.data.oscillator import Oscillator
 from rsgen.dynamics.settling import SteadyStates
-from rsgen.law.motion import FourierSeries, Motion, fourier_series, sine_motion
+from rsgen.law.motion import FourierSeries, Motion, fourier_series, harmonics_of, sine_motion
 from rsgen.law.normal_form import ForceSample
 from rsgen.law.numeric import ForceLaw, compile_law
 
@@ -387,6 +388,31 @@ class _Balance:
         return {"force_load": force[:, 0] + 1j * force[:, 1], "harmonics_load": self._wide(moved)}
 
 
+def all_harmonics(
+    law: ForceLaw, values: Array, mass: float, omega: Array, at: Response, samples: int
+) -> tuple[ComplexArray, Array, ComplexArray]:
+    """Return the motion (1, samples/4) [m] of a balance of few harmonics, and what forces act.
+
+    The force of the law along a motion (1, samples) [N] determines all harmonics of it, in turn with the
+    amplitude at which the drive (1,) [N] has its magnitude: x_h = n_h/(m h^2 omega^2). Where the turns do not
+    settle, as at stiff stops, the motion of the balance is returned.
+    """
+    size, level = at.harmonics[:, 1].real, np.abs(at.force)
+    gain = (np.conj(at.force) * at.force_slope).real / level / size
+    orders, turns = np.arange(samples // 4), list[tuple[ComplexArray, Array, ComplexArray]]()
+    motion = np.pad(at.harmonics, ((0, 0), (0, len(orders) - at.harmonics.shape[1])))
+    for _ in range(4):
+        inner = law.along(Motion(omega, motion), values, samples).force
+        found = harmonics_of(inner, len(orders))
+        drive = found[:, 1] - mass * omega**2 * size
+        turns.append((motion, inner, drive))
+        size = size + (level - np.abs(drive)) / gain
+        motion = found / (mass * np.maximum(orders, 1) ** 2 * omega**2)
+        motion[:, 0], motion[:, 1] = at.harmonics[:, 0], size
+    changed = np.linalg.norm(turns[-1][1] - turns[-2][1])
+    return turns[-1 if changed < RELATIVE_CHANGE_NEGLIGIBLE * np.linalg.norm(turns[0][1]) else 0]
+
+
 # ----------------------------------------------------------------------------
 # What becomes of a small disturbance y of a motion: m y'' + n_v y' + n_x y = 0.
 
@@ -465,17 +491,13 @@ def solve_harmonic_balance(
     drive[:, 1] = force
     law = compile_law(oscillator.force)
     values, mass = law.ordered(oscillator.values), oscillator.mass
+    follow = following_harmonics(law, harmonics, even=True)
     with np.errstate(all="ignore"):
         start = _linear_motion(law, values, mass, omega, drive) if guess is None else guess
         for samples in _samples(law, harmonics):
-            found = respond(law, values, mass, omega, drive, start, _others(law, harmonics), samples)
+            found = respond(law, values, mass, omega, drive, start, follow, samples)
             start = found.harmonics
     return balance_states(oscillator, found.motion(omega), found.force, found.valid)
-
-
-def _others(law: ForceLaw, harmonics: int) -> tuple[int, ...]:
-    """Return the harmonics other than the fundamental; the mean only where a spring holds it."""
-    return (*((0,) if law.springs else ()), *range(2, harmonics + 1))
 
 
 def _samples(law: ForceLaw, harmonics: int) -> tuple[int, ...]:
@@ -523,7 +545,7 @@ def hold_oscillator(
     """Find the force that holds the fundamental at an amplitude (n,) [m], frequency in Hz."""
     law, omega = compile_law(oscillator.force), 2 * np.pi * frequency
     start = np.zeros((len(amplitude), harmonics + 1), dtype=complex)
-    values, follow = law.ordered(oscillator.values), _others(law, harmonics)
+    values, follow = law.ordered(oscillator.values), following_harmonics(law, harmonics, even=True)
     with np.errstate(all="ignore"):
         for samples in _samples(law, harmonics):
             found = hold_amplitude(law, values, oscillator.mass, omega, amplitude, start, follow, samples)

@@ -353,7 +353,9 @@ def _predicted(curve: ResonanceCurve) -> dict[str, Any]:
         **{name: finite_or_none(value) for name, value in zip(names, largest, strict=True)},
         "frequency_interval": list(map(finite_or_none, curve.peak_interval)),
         "travel": list(map(finite_or_none, curve.travel)),
+        "travel_interval": list(map(finite_or_none, curve.travel_interval)),
         "acceleration": finite_or_none(curve.acceleration),
+        "acceleration_interval": list(map(finite_or_none, curve.acceleration_interval)),
         "still_rising": len(curve.frequency) > 0 and curve.rises_at_end,
         "jumps": [
             jump._asdict()

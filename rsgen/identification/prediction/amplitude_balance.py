@@ -12,7 +12,7 @@ Newton's method in X gives the response.
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from math import nan
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from rsgen.common.arrays import Array, ComplexArray
+from rsgen.common.arrays import Array, ComplexArray, blocks_joined
 from rsgen.common.tolerances import (
     BALANCE_HARMONICS,
     BRANCH_DISTANCE,
@@ -38,6 +38,7 @@ from rsgen.data.surface.mode_findings import force_changes
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import (
     Response,
+    all_harmonics,
     decisive_multiplier,
     following_harmonics,
     hold_amplitude,
@@ -48,7 +49,7 @@ from rsgen.identification.misfit import law_misses
 from rsgen.identification.modal_result import ModalTable, SplineMode
 from rsgen.identification.prediction.prediction_result import BEYOND
 from rsgen.identification.results import Identification
-from rsgen.law.motion import Motion
+from rsgen.law.motion import Motion, sine_motion
 from rsgen.law.numeric import compile_law
 
 _TABLE_SIZE = 120
@@ -106,11 +107,8 @@ class AmplitudeBalance:
         # first order where the higher harmonics do not converge
         mean = tuple(h for h in self._following if h == 0)
         rough = hold(omega[lost], size[lost], np.zeros_like(guess[lost]), mean, self._samples)
-        merged = {}
-        for name in (entry.name for entry in fields(Response) if getattr(at, entry.name) is not None):
-            merged[name] = np.array(getattr(at, name))
-            merged[name][lost] = getattr(rough, name)
-        return Response(**merged)
+        parts = [(~lost, at.select(~lost)), (lost, rough)]
+        return Response(**blocks_joined(len(size), parts, Response.columns()))
 
     def force_spread(self, at: Response) -> Array:
         """Return the half width (n,) of the 95 % band of the force amplitude [N]."""
@@ -126,40 +124,54 @@ class AmplitudeBalance:
         variance = np.einsum("np,pq,nq->n", slope, self._covariance, slope).clip(0.0)
         return np.asarray(interval_sigmas() * np.sqrt(variance))
 
-    def peak_interval(self, size: Array, omega: Array) -> Array:
-        """Return the 95 % bounds (2, n) [Hz] of the frequency of peaks at X (n,) [m]; NaN where none is near.
+    def at_top(self, size: Array, omega: Array, seen: ComplexArray) -> Array:
+        """Return what a curve has at its largest amplitude X (1,) [m], each with its 95 % bounds (4, 3).
 
-        With P = |F|^2/2, P_omega is zero at a force: P_ww d omega + P_wX dX + P_wp dp = 0, P_X dX = -P_p dp.
-        """
-        peak, _ = self.backbone(size, omega)
-        middle, step = np.where(np.isfinite(peak), peak, omega), 1e4 * _FREQUENCY_TOLERANCE * omega
-        three = [self.solve(size, middle + by) for by in (-step, 0, step)]
-        low, power, high = (np.abs(at.force) ** 2 / 2 for at in three)
-        by_values = [self._by_values(at) for at in three]
-        by_size = [(np.conj(at.force) * at.force_slope).real / size for at in three]
-        bend, width = (high - 2 * power + low) / step**2, 2 * step
-        taken = by_values[1] * ((by_size[2] - by_size[0]) / width / by_size[1])[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            half = self._spread(((by_values[2] - by_values[0]) / width[:, None] - taken) / bend[:, None])
-            here = (np.abs(peak - omega) < step) & (half < MAX_LINEAR_CHANGE * omega)
-        return np.where(here, (peak + np.outer([-1, 1], half)) / (2 * np.pi), np.nan)
-
-    def travel(self, size: Array, omega: Array, seen: ComplexArray) -> tuple[tuple[float, float], float]:
-        """Return least and largest displacement [m] and largest |acceleration| [m/s^2] at X (1,) [m], or NaN.
-
-        The fundamental at the sensor is ``seen`` (1,) [m]. On a driven base m x'' + f = F = -m a_base: the
-        base moves by F/(m omega^2), and the acceleration is the absolute one, -f/m.
+        These are its frequency [Hz], with bounds where a peak is near, the least and the largest displacement
+        [m], and the largest |acceleration| [m/s^2]. With P = |F|^2/2, P_omega is zero at a force:
+        P_ww d omega + P_wX dX + P_wp dp = 0, P_X dX = -P_p dp. Extrema move as the waveform there.
         """
         if not len(size):
-            return (nan, nan), nan
-        at = self.solve(size, omega)
-        motion = np.array(at.harmonics)
-        motion[:, 1] = seen
-        x, _, _ = Motion(omega, motion).waveforms(self._samples)
-        if self._driven:
-            motion[:, 1] += at.force / (self._mass * omega**2)
-        _, _, acceleration = Motion(omega, motion).waveforms(self._samples)
-        return (float(x.min()), float(x.max())), float(np.abs(acceleration).max())
+            return np.full((4, 3), nan)
+        (peak, _), step = self.backbone(size, omega), 1e4 * _FREQUENCY_TOLERANCE * omega
+        near = np.abs(peak - omega) < step
+        middle = np.where(near, peak, omega)
+        before, at, after = three = [self.solve(size, middle + by) for by in (-step, 0, step)]
+        low, power, high = (np.abs(one.force) ** 2 / 2 for one in three)
+        by_values = [self._by_values(one) for one in three]
+        by_size = [(np.conj(one.force) * one.force_slope).real / size for one in three]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size_by = -by_values[1] / by_size[1]
+            omega_by = by_values[2] - by_values[0] + (by_size[2] - by_size[0]) * size_by
+            omega_by *= step / 2 / (2 * power - high - low)
+            known = near & (self._spread(omega_by) < MAX_LINEAR_CHANGE * omega)
+        omega_by = np.where(known, omega_by, 0.0)
+        x, acceleration = self.in_time(at, middle, seen)
+        places = [x.argmin(), x.argmax(), np.abs(acceleration).argmax()]
+        most, orders = acceleration[places[2]], np.arange(at.harmonics.shape[1])
+        motion_by = at.harmonics_by[0][:, self._places] + np.outer(at.harmonics_slope / size, size_by)
+        motion_by += np.outer(after.harmonics - before.harmonics, omega_by / (2 * step))
+        turn = np.exp(2j * np.pi / len(x) * np.outer(places, orders))
+        turn[2] *= -((orders * omega) ** 2) * np.sign(most)
+        by = np.vstack([omega_by / (2 * np.pi), (turn @ motion_by).real])
+        by[3] += 2 * np.abs(most) / omega * omega_by[0]
+        known = np.append(known, np.repeat(self._spread(size_by) < MAX_LINEAR_CHANGE * size, 3))
+        amounts = np.array([middle[0] / (2 * np.pi), x.min(), x.max(), np.abs(most)])
+        half = np.where(known, self._spread(by), nan)
+        return np.stack([amounts, amounts - half, amounts + half], axis=1)
+
+    def in_time(self, at: Response, omega: Array, seen: ComplexArray) -> tuple[Array, Array]:
+        """Return displacement [m] and acceleration [m/s^2] (s,) of a motion over a period.
+
+        The fundamental at the sensor is ``seen`` (1,) [m]. On a driven base m x'' + f = F = -m a_base, and
+        the acceleration is the absolute one, -f/m.
+        """
+        samples = _SAMPLES_OF_DISTURBANCE[1]
+        motion, inner, force = all_harmonics(self._law, self._values, self._mass, omega, at, samples)
+        push = (0 if self._driven else force) - self._mass * omega**2 * (seen - at.harmonics[:, 1])
+        motion[:, 1] *= seen / at.harmonics[:, 1]
+        acceleration = (sine_motion(omega, push).waveforms(samples)[0] - inner) / self._mass
+        return Motion(omega, motion).waveforms(samples)[0][0], acceleration[0]
 
     def frequency_spread(self, spread: Array, size: Array, omega: Array, start: ComplexArray) -> Array:
         """Return the half width (n,) of the 95 % band [rad/s] of the frequency of folds at X (n,) [m].
@@ -480,11 +492,12 @@ class SynthesisBalance(AmplitudeBalance):
         at = SplineMode(omega, splines.basis, splines.orders)(splines.values, splines.mass, size)
         shares = size * np.stack([np.ones(len(omega)), 1j * omega, -(omega**2)])
         spread = np.einsum("jn,njs->ns", shares, splines.spread(size))
-        return replace(at, force_by=np.concatenate([at.force_by, spread], axis=1))
+        force_by = np.concatenate([at.force_by, spread], axis=1)
+        return replace(at, force_by=force_by, harmonics_by=np.zeros((*at.harmonics.shape, force_by.shape[1])))
 
-    def travel(self, size: Array, omega: Array, seen: ComplexArray) -> tuple[tuple[float, float], float]:
+    def in_time(self, at: Response, omega: Array, seen: ComplexArray) -> tuple[Array, Array]:
         """Return NaN: a table has no harmonics."""
-        return (nan, nan), nan
+        return np.full(1, nan), np.full(1, nan)
 
     def frequency_spread(self, spread: Array, size: Array, omega: Array, start: ComplexArray) -> Array:
         """Return the half width as of a law; a fold at a level held may lie anywhere next to it.

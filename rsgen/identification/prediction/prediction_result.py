@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsgen.common.arrays import Array, ComplexArray, freeze, true_runs, within_band
-from rsgen.common.finding import Finding, Quantity, Severity, quantities, severity_of
+from rsgen.common.finding import Finding, Quantity, Severity, bounded, quantities, severity_of
 from rsgen.common.text_table import Brief, Printed, TextTable, lookup, short, with_error
 from rsgen.common.tolerances import (
     BRANCH_DISTANCE,
@@ -102,11 +102,11 @@ class ResonanceCurve(Brief):
     peak_interval
         95 % bounds of the frequency of the largest amplitude [Hz]: equal without any error, NaN where not
         known or the curve still rises.
-    travel
-        Least and largest displacement from rest at the largest amplitude [m], with all harmonics: further
-        than the fundamental at stops, or where the law is not symmetric. NaN of modal tables.
-    acceleration
-        Largest |acceleration| of the mass there [m/s^2], of a driven base the absolute one; NaN as for these.
+    travel, acceleration
+        Least and largest displacement from rest at the largest amplitude [m], with all harmonics, and largest
+        |acceleration| of the mass there [m/s^2], of a driven base the absolute one.
+    travel_interval, acceleration_interval
+        95 % bounds of both displacements [m] and of the acceleration [m/s^2]; all NaN of modal tables.
     multiplier
         (k,) the Floquet multiplier that, with folds, decides on stability: below -1 the period doubles, as
         next to a stop on one side, beyond 1 the motion loses its symmetry. NaN where it is not computed:
@@ -127,6 +127,8 @@ class ResonanceCurve(Brief):
     peak_interval: tuple[float, float] = (nan, nan)
     travel: tuple[float, float] = (nan, nan)
     acceleration: float = nan
+    travel_interval: tuple[float, float, float, float] = (nan, nan, nan, nan)
+    acceleration_interval: tuple[float, float] = (nan, nan)
     multiplier: ComplexArray = field(default_factory=lambda: np.zeros(0, dtype=complex))
 
     def __post_init__(self) -> None:
@@ -298,8 +300,7 @@ def _swept_through(rows: Array, band: tuple[float, float], way: str) -> Array:
 def _largest(rows: Array, name: str) -> dict[str, Quantity]:
     """Return the largest amplitude of rows, its interval and frequency, as numbers that begin with a name."""
     place, most, low, high = map(float, rows[np.argmax(rows[:, 1])])
-    ends = {f"{name}_low": low, f"{name}_high": high} if low < high else {}
-    return quantities("m", **{name: most}, **ends) | quantities("Hz", **{f"{name}_at": place})
+    return bounded("m", name, most, (low, high)) | quantities("Hz", **{f"{name}_at": place})
 
 
 def largest_of_curve(
@@ -329,10 +330,10 @@ def largest_of_curve(
             numbers |= quantities("m", reached=size)
         else:
             numbers |= quantities("m", amplitude=size, **({"low": low, "high": high} if low < high else {}))
-            slow, fast = curve.peak_interval
-            numbers |= quantities("Hz", at_low=slow, at_high=fast) if slow < fast else {}
-            numbers |= quantities("m", least=curve.travel[0], most=curve.travel[1])
-            numbers |= quantities("m/s^2", acceleration=curve.acceleration)
+            numbers |= bounded("Hz", "at", at, curve.peak_interval)
+            numbers |= bounded("m", "least", curve.travel[0], curve.travel_interval[:2])
+            numbers |= bounded("m", "most", curve.travel[1], curve.travel_interval[2:])
+            numbers |= bounded("m/s^2", "acceleration", curve.acceleration, curve.acceleration_interval)
     names = {name: said for name, said in names.items() if said}
     return Finding("level-predicted", "info", "", numbers, names)
 

@@ -90,8 +90,7 @@ def predict(
     """Compute the resonance curve of every level; with a surface, score the held-out levels on it.
 
     At every amplitude X the balance of all harmonics is solved for the frequencies at which the force of the
-    level is needed: F^2 = X^2 ((k(X) - m omega^2)^2 + omega^2 c(X, omega)^2) with k and c of the whole
-    waveform. So all branches come without continuation, with their band ``lower`` to ``upper``.
+    level is needed, so that all branches come without continuation, with their band ``lower`` to ``upper``.
 
     Parameters
     ----------
@@ -383,8 +382,7 @@ def _curve(
     (omega, phase, gain, spread, sizes), (seen, multiplier) = whole[:5].real, whole[5:]
     frequency, amplitude = omega / (2 * np.pi), np.abs(seen)
     top = np.argsort(amplitude)[np.isfinite(amplitude).sum() - 1 :][:1]
-    ends = balance.peak_interval(sizes[top], omega[top])
-    travel, acceleration = balance.travel(sizes[top], omega[top], seen[top])
+    (_, *peak), least, most, fastest = balance.at_top(sizes[top], omega[top], seen[top]).tolist()
     return ResonanceCurve(
         level=level,
         level_unit="m/s^2" if identification.curve.base else identification.curve.units.force,
@@ -400,9 +398,11 @@ def _curve(
         lower=np.maximum(amplitude - spread, 0.0),
         upper=amplitude + spread,
         folds=np.array(folds).reshape(-1, 3) / [2 * np.pi, 1, 2 * np.pi],
-        travel=travel,
-        acceleration=acceleration,
-        peak_interval=(float(ends[0, 0]), float(ends[1, 0])) if ends.size else (nan, nan),
+        travel=(least[0], most[0]),
+        acceleration=fastest[0],
+        peak_interval=tuple(peak),
+        travel_interval=(*least[1:], *most[1:]),
+        acceleration_interval=tuple(fastest[1:]),
         multiplier=multiplier,
     )
 
