@@ -423,7 +423,6 @@ class AmplitudeBalance:
     def newton_amplitude(self, level: Array, omega: Array, size: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Solve for the amplitudes (n,) [m] of the levels by Newton's method; return a mask of converged."""
         start, first = None, np.array(size)
-        gain, miss = np.ones(len(size)), np.full(len(size), np.inf)
         for _ in range(_MAX_ITERATIONS):
             at = self.solve(size, omega, start)
             start = np.where(np.isfinite(at.harmonics), at.harmonics, 0)
