@@ -146,8 +146,9 @@ def from_stepped_sine(
     """Turn stepped-sine time histories of one structure into a response surface.
 
     A step is a stretch of constant frequency and force. Of each, the longest last part whose two halves agree
-    within 0.5 %, or within three standard errors of the difference that noise makes, is fitted; where none
-    does, the point is marked as not settled, as is one whose response repeats after two periods only.
+    within 0.5 %, or within three standard errors of the difference that noise makes, is fitted; what decays
+    from half to half is a transient, as that of a first step from rest, and no noise. Where none does, the
+    point is marked as not settled, as is one whose response repeats after two periods only.
 
     Parameters
     ----------
@@ -322,7 +323,9 @@ def _settled_part(
             # of two halves that differ by noise alone, the difference has twice the variance of one
             noise = np.hypot(noise_one, noise_two) * np.sqrt(2 / (middle - first))
             doubt = STANDARD_ERRORS_OF_DIFFERENCE * noise / size
-        if found < max(_MAX_SETTLING, doubt):
+        # noise does not decay as a transient does; two standard deviations differ by 1/sqrt(n) of their own
+        decays = noise_one > noise_two * (1 + STANDARD_ERRORS_OF_DIFFERENCE / np.sqrt(middle - first))
+        if found < (_MAX_SETTLING if decays else max(_MAX_SETTLING, doubt)):
             return float(found), first, True
         if found < change:
             change, start = float(found), first
