@@ -236,7 +236,7 @@ def other_gain(fit: Fit, unit: str) -> dict[str, Quantity]:
     return {"level": Quantity(level, unit), name: Quantity(factors[level])}
 
 
-class _ChannelError(NamedTuple):
+class ChannelError(NamedTuple):
     """An error of a channel to first order: the misfit that it leaves, its value, half of its interval."""
 
     left: float
@@ -259,27 +259,42 @@ def channel_finding(
     residual = linearise_extended(fit, fit.problem, fit.regression.parameters)[0]
     if not (used.phase_known and fit.regression.converged) or used.far.size or len(residual) != len(used):
         return None
-    # the response of a test on a base may be relative or absolute
     errors = [_channel_errors(fit, misfit, base, absolute=one) for one in (False, True)[: 1 + bool(base)]]
     kinds = min(errors, key=lambda kinds: min(kinds.values()))
+    noise, most = (misfit * share for share in _left_by_half(residual, used.neighbours))
+    return blame_channel(kinds, (misfit, most, noise), fit.regression.freedom, rivals, left_by, base)
+
+
+def blame_channel(
+    kinds: Mapping[str, ChannelError],
+    size: tuple[float, float, float],
+    freedom: float,
+    rivals: Sequence[float],
+    left_by: Mapping[str, float],
+    base: str,
+) -> Finding | None:
+    """Find the error of a channel by its ``kinds`` that takes up most, as ``channel_finding`` does.
+
+    ``size`` are the misfit, the most that is to be left of it, and its noise.
+    """
+    misfit, most, noise = size
     best = min(kinds, key=kinds.__getitem__)
     left, off, within = kinds[best]
-    noise, most = (misfit * share for share in _left_by_half(residual, used.neighbours))
-    taken = misfit**2 - left**2
-    clear = taken > max(MISFIT_NEGLIGIBLE**2, MIN_SIGNIFICANT_GAIN / fit.regression.freedom * left**2)
+    clear = misfit**2 - left**2 > max(MISFIT_NEGLIGIBLE**2, MIN_SIGNIFICANT_GAIN / freedom * left**2)
     clear &= simplest_background({best: left, **left_by}, misfit) == best
-    more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / fit.regression.freedom)
+    more = np.sqrt(1 + MIN_SIGNIFICANT_GAIN / freedom)
     if not (clear and left < min(most, MISFIT_REJECTED, more * max(min(rivals), noise))):
         return None
-    numbers, names = quantities(left=left, misfit=misfit), {"base": "driven"} if base else {}
+    numbers = quantities(left=left, misfit=misfit)
     if best == "gain":
         # the first order leaves the second
         numbers |= quantities(gain=np.expm1(off), within=np.hypot(within, off**2))
         return Finding("channels-delayed", "doubt", numbers=numbers)
     if kinds["delay"].left < more * left:
         numbers["delay"] = Quantity(-kinds["delay"].value, "s")
-    if kinds["turn"].left < more * left:
+    if "turn" in kinds and kinds["turn"].left < more * left:
         numbers["turn"] = Quantity(kinds["turn"].value, "rad")
+    names = {"base": "driven"} if base else {}
     names |= {"loss": "yes"} if off < 0 and min(rivals) < more * left else {}
     return Finding("channels-delayed", "doubt", numbers=numbers, names=names)
 
@@ -309,7 +324,7 @@ def _left_by_half(residual: Array, pairs: NDArray[np.intp]) -> tuple[float, floa
     return noise, float(np.hypot(noise, (1 - MIN_MISFIT_REDUCTION) * np.sqrt(1 - noise**2)))
 
 
-def _channel_errors(fit: Fit, misfit: float, base: str, *, absolute: bool) -> dict[str, _ChannelError]:
+def _channel_errors(fit: Fit, misfit: float, base: str, *, absolute: bool) -> dict[str, ChannelError]:
     """Return the error of a channel by its kind: delay [s], turn [rad], on a base the logarithm of a gain.
 
     Of one so large that its second order exceeds what the first leaves, a fit without it tells the rest.
@@ -324,7 +339,7 @@ def _channel_errors(fit: Fit, misfit: float, base: str, *, absolute: bool) -> di
     if base:
         columns["gain"] = _by_points(few, **channel(np.exp(-_CHANNEL_STEP)))[2]
     right, freedom = residual.reshape(-1), fit.regression.freedom
-    kinds: dict[str, _ChannelError] = {}
+    kinds: dict[str, ChannelError] = {}
     for name, changed in columns.items():
         more = np.concatenate([matrix[:, :, problem.free], changed[:, :, None] / _CHANNEL_STEP], axis=2)
         rows = more.reshape(residual.size, -1)
@@ -336,7 +351,7 @@ def _channel_errors(fit: Fit, misfit: float, base: str, *, absolute: bool) -> di
         error = np.sqrt(effective_power(unit, points.neighbours) / freedom) * size
         within = float(interval_sigmas(freedom) * error * np.linalg.norm(inverse[-1]))
         left, value = misfit * size / float(np.linalg.norm(right)), float(solution[-1])
-        kinds[name] = _ChannelError(left, value, within)
+        kinds[name] = ChannelError(left, value, within)
         turn = value * (points.omega if name == "delay" else np.ones(len(points)))
         if name != "gain" and left < min((1 - MIN_MISFIT_REDUCTION) * misfit, np.max(turn**2) / 2):
             seen = replace(problem.observed, points=replace(points, **channel(np.exp(1j * turn))))

@@ -8,7 +8,7 @@ import pytest
 import rsgen as rs
 from tests.case_files import MEASURED, write_small
 from tests.surfaces import codes
-from tests.virtual import multisine
+from tests.virtual import multisine, only
 
 LAW = "k*x + k3*x**3 + c*v"
 TRUTH = {"k": 5000.0, "k3": 4e6, "c": 4.0}
@@ -65,6 +65,21 @@ def test_a_misread_base_is_not_trusted(wrong):
     found = rs.identify(replace(right, **read), LAW)
     assert not found.verdict.usable
     assert "law-does-not-fit" in codes(found)
+
+
+@pytest.mark.parametrize("absolute", [True, False])
+@pytest.mark.parametrize(("gain", "background"), [(0.02, "none"), (-0.02, "residuals"), (0.0, "none")])
+def test_a_ratio_of_the_channels_is_named_with_its_size(absolute, gain, background):
+    right = shaken(0.01)
+    base = np.zeros_like(right.force)
+    if absolute:
+        base[..., 1:] = right.force[..., 1:] / (2 * np.pi * right.frequency[1:]) ** 2
+    read = replace(right, response=(1 + gain) * (right.response + base) - base)
+    found = rs.identify(read, LAW, rs.Observation(background=background))
+    assert found.verdict.usable == (gain == 0)
+    for said in [only(found, "channels-delayed")] if gain else []:
+        assert abs(said["gain"] - gain) < said["within"] < 0.2 * abs(gain)
+        assert said["left"] == pytest.approx(found.noise, rel=0.3)
 
 
 CASE = {

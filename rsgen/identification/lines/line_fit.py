@@ -40,6 +40,7 @@ from rsgen.common.tolerances import (
     NONLINEAR_TRIALS,
     ROUND_OFF,
     f_quantile,
+    interval_sigmas,
     normal_share,
 )
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, rms, smooth
@@ -53,6 +54,7 @@ from rsgen.identification.starting.search import search_values
 from rsgen.identification.starting.start import neighbours
 from rsgen.identification.terms import (
     LARGEST,
+    ChannelError,
     joint_alternatives,
     larger_backgrounds,
     unfixed_terms,
@@ -434,26 +436,27 @@ def largest_gain_step(fit: LineFit) -> tuple[int, float, float]:
     return found
 
 
-def channel_delay(fit: LineFit) -> tuple[float, float, float]:
-    """Fit a delay of the response behind the force, together with all parameters.
+def channel_errors(fit: LineFit) -> dict[str, ChannelError]:
+    """Fit a delay [s] of the response, next to a base the logarithm of its gain, each with all parameters.
 
-    A delay t turns the force by exp(i omega t), which adds i omega t F to the balance to first order; not at
-    computed lines, where the motion follows the law.
-
-    Returns
-    -------
-    delay, error, misfit_ratio
-        Delay [s], its standard error [s], and the misfit with the delay over that without.
+    The gain is that of the response relative to the base, or of the absolute one, whichever leaves less.
     """
-    lines, found = fit.lines, fit.regression
-    measured = lines.spectra.lines >= lines.lowest[:, None]
-    column = (lines.rate * fit.mode.spectra.mean_force * measured / np.sqrt(fit.variance / 2))[lines.used]
-    slope = _orthogonal_to_parameters(found, np.stack([column.real, column.imag], axis=1))
-    residual = _orthogonal_to_parameters(found, found.residual)
-    size = max(float(np.linalg.norm(slope)), 1e-300)
-    delay = float(np.sum(slope * residual)) / size**2
-    ratio = float(np.linalg.norm(residual - slope * delay)) / max(float(np.linalg.norm(residual)), 1e-300)
-    return delay, 1 / size, ratio
+    found, spectra, seen = fit.regression, fit.lines.spectra, fit.lines.spectra.response
+    changes = [("delay", fit.lines.rate[:, None] * seen)]
+    if spectra.base:
+        inertia = fit.mass * np.where(spectra.lines > 0, spectra.omega, np.inf)[:, None] ** 2
+        changes += [("gain", seen), ("gain", seen + spectra.force * (1 / inertia))]
+    residual, kinds = _orthogonal_to_parameters(found, found.residual), dict[str, ChannelError]()
+    for name, change in changes:
+        step = FINITE_DIFFERENCE_STEP * np.linalg.norm(seen) / np.linalg.norm(change)
+        other = replace(fit.lines, spectra=replace(spectra, response=seen + step * change))
+        moved = replace(fit, lines=other).linearise(fit.parameters, fit.nuisance).residual - found.residual
+        slope = _orthogonal_to_parameters(found, moved / step)
+        size = max(float(np.linalg.norm(slope)), 1e-300)
+        value = float(np.sum(slope * residual)) / size**2
+        left = fit.misfit * float(np.linalg.norm(residual - slope * value) / np.linalg.norm(residual))
+        kinds[name] = min(one := ChannelError(left, value, interval_sigmas() / size), kinds.get(name, one))
+    return kinds
 
 
 def band_parts(lines: SpectralLines) -> NDArray[np.intp]:

@@ -50,7 +50,7 @@ from rsgen.identification.lines.line_balance import Balance, SpectralLines, sele
 from rsgen.identification.lines.line_fit import (
     LineFit,
     band_parts,
-    channel_delay,
+    channel_errors,
     fit_fixed_parameters,
     fit_larger_backgrounds,
     fit_lines,
@@ -87,6 +87,7 @@ from rsgen.identification.results.estimates import (
     with_mass_error,
 )
 from rsgen.identification.soundness import gain_findings, signs_along
+from rsgen.identification.terms import blame_channel
 from rsgen.law.motion import Motion
 from rsgen.law.numeric import put_in_order
 
@@ -270,7 +271,6 @@ def _findings(fit: LineFit, errors: Errors, stated: Statement) -> list[Finding]:
         *(_fixed_findings(fit, errors) or stated.ambiguous),
         *_part_findings(fit, errors, stated),
         *_damping_findings(fit, errors),
-        *_delay_findings(fit, fit.misfit),
         *phase_findings(fit.background),
         *gain_findings(fit.lines.background, fit.background, of_background, fit.mass),
         *_drift_findings(fit),
@@ -400,15 +400,6 @@ def _sign_findings(fit: LineFit, errors: Errors) -> list[Finding]:
     return found
 
 
-def _delay_findings(fit: LineFit, misfit: float) -> list[Finding]:
-    """Find a delay between force and response that explains most of the misfit; none or one."""
-    delay, error, ratio = channel_delay(fit)
-    if misfit < MISFIT_NEGLIGIBLE or ratio > 1 - MIN_MISFIT_REDUCTION or abs(delay) < OUTLIER_SIGMAS * error:
-        return []
-    numbers = quantities(delay=Quantity(delay, "s"), left=ratio * misfit, misfit=misfit)
-    return [Finding("channels-delayed", "doubt", numbers=numbers)]
-
-
 def _drift_findings(fit: LineFit) -> list[Finding]:
     """Find a gain that changes within a record; none or one."""
     skipped = int(np.asarray(fit.lines.spectra.left_out).max(initial=0))
@@ -487,6 +478,13 @@ def _misfit_findings(fit: LineFit, errors: Errors) -> list[Finding]:
         }
         for kind in ("term", "background")
     )
+    noise, freedom = min(float(np.nan_to_num(errors.noise)), misfit), 2 * int(fit.lines.used.sum())
+    half = float(np.hypot(noise, (1 - MIN_MISFIT_REDUCTION) * np.sqrt(misfit**2 - noise**2)))
+    errors_of_channel, base = channel_errors(fit), fit.lines.spectra.base
+    off = blame_channel(errors_of_channel, (misfit, half, noise), freedom, [*terms.values()], more, base)
+    if off:
+        # lines are weighted, and no correction takes up the noise
+        found.append(replace(off, numbers={**off.numbers, **quantities(left=max(off["left"], noise))}))
     if more:
         backgrounds, known = others.kinds["background"], fit.regression.first(len(others.names))
         left = min(terms.values())
