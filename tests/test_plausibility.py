@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rsgen
-from rsgen.data.surface.mode_findings import flattening_findings, row_findings
+from rsgen.data.surface.mode_findings import flattening_findings, mode_findings, row_findings
 from rsgen.data.surface.plausibility import (
     RANGES,
     Sizes,
@@ -18,7 +18,7 @@ from rsgen.data.surface.plausibility import (
 )
 from rsgen.data.surface.response_surface import ResponseSurface
 from tests.samples import cubic_surface
-from tests.virtual import fundamentals, only
+from tests.virtual import fundamentals, only, simulated
 
 LAW = "k1*x + kn1*x**3 + c1*v"
 RANDOM = np.random.default_rng(0)
@@ -198,6 +198,17 @@ def test_a_response_of_another_quantity_is_recognised(mistake, noise):
     if mistake != "per-force":
         (turned,) = quantity_findings(fundamentals(surface, np.conj(tampered(noisy, mistake))))
         assert (turned.names["is"], turned.names["sense"]) == (mistake, "other")
+
+
+@pytest.mark.parametrize(("levels", "sure"), [((1.0, 10.0), ["level"]), ((1.0, 10.0, 12.0), [])])
+def test_a_lowest_level_in_another_unit_is_no_response_per_force_for_sure(levels, sure):
+    test = simulated(
+        "k*x + k3*x**3 + c*v", {"k": 5e3, "k3": 1e6, "c": 4.0}, levels, (6, 14, 21), noise_relative=0.01
+    )
+    read = fundamentals(test, np.where(test.level == 1, 9.80665, 1) * test.harmonics[:, 1])
+    assert [finding.names["sure"] for finding in quantity_findings(read)] == sure
+    # three levels tell which one it is
+    assert [finding["level"] for finding in mode_findings(read, None)] == [1.0] * (len(levels) - 2)
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from itertools import product
 from math import nan, pi
 
 import numpy as np
@@ -299,10 +300,9 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
             angle = -phase if sense else phase
             others["radian" + sense] = force * np.abs(response / force) * np.exp(1j * angle)
     others["per-force"] = response * force
-    weight = 1 / np.abs(force)
 
     def fit(motion: ComplexArray) -> tuple[float, tuple[bool, bool, bool]]:
-        found = fit_powers(force, motion, omega, powers, weight)
+        found = fit_powers(force, motion, omega, powers, 1 / np.abs(force))
         return found.misfit, found.passive
 
     misfit, signs = fit(response)
@@ -316,6 +316,15 @@ def quantity_findings(surface: ResponseSurface, quantity: str | None = None) -> 
     if best is None or passive[best] > min(ratio * misfit, _MAX_MISFIT_RATIO):
         return
     sure = "yes" if passive[best] < _MAX_MISFIT_RATIO * misfit else "no"
+    if best == "per-force":
+        # one level in another unit may leave as much, or less; of three levels or more it is said as such
+        level, least = surface.level[rows], np.inf
+        for one, by, sign in product(levels := np.unique(level), COMMON_FACTORS.values(), (1, -1)):
+            left, positive = fit(np.where(level == one, by**sign, 1.0) * response)
+            least = min(least, left) if all(positive) else least
+        if len(levels) > 2 and least < _MAX_MISFIT_RATIO * passive[best]:
+            return
+        sure = "level" if least < _MAX_MISFIT_RATIO_IMPASSIVE * passive[best] else sure
     names = {"read": quantity or "", "is": best.removesuffix(_OTHER_SENSE), "sure": sure}
     names |= {"sense": "other"} if best.endswith(_OTHER_SENSE) else {}
     yield Finding("another-quantity", "doubt", "", quantities(misfit=misfit, then=passive[best]), names)
