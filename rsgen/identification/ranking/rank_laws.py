@@ -31,6 +31,7 @@ from rsgen.common.tolerances import (
 )
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.oscillator import Model, Observation, join_model
+from rsgen.data.surface.mode_findings import mode_findings
 from rsgen.data.surface.response_surface import ResponseSurface, without_copies, without_offset
 from rsgen.identification.fitting.across import sensors_of
 from rsgen.identification.fitting.points import per_unit_mass
@@ -412,6 +413,8 @@ def _ranking(
     # what the identification says of the misfit the ranking does not say otherwise; where no law fits, what
     # the data say against themselves may be why
     said = found.findings if found else surface.findings
+    if found is None and isinstance(surface, ResponseSurface):
+        said = tuple(mode_findings(surface, None, said))
     codes = {"law-does-not-fit", "even-terms-not-seen", "sensor-offset", "fold"}
     doubts = [f for f in said if f.severity in ("doubt", "error") or {f.code, f.names.get("by")} & codes]
     if found is None and isinstance(test, PointTest) and test.observed.feeds_exciter:
