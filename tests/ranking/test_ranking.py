@@ -4,6 +4,7 @@ import json
 import tomllib
 from dataclasses import replace
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -338,6 +339,15 @@ def test_more_terms_never_miss_by_more(along: Along) -> None:
         for name in names:
             # beside the ridge that keeps small problems regular
             assert trial.chi_squared <= trials[names - {name}].chi_squared * (1 + 1e-6)
+
+
+def test_all_sums_of_three_terms_without_values_to_be_tried_are_considered(along: Along) -> None:
+    _, rows, *_ = along
+    terms = [term for term in library_terms() if not term.remembers]
+    linear = [term for term in terms if not (term.search or term.how.dissipates or term.how.spring)]
+    stribeck = [term for term in terms if term.name.startswith("stribeck") or term.how.spring]
+    found = {frozenset(t.name for t in one.law.terms) for one in search_sums(rows, linear + stribeck, {}, 3)}
+    assert {frozenset(t.name for t in three) for three in combinations(linear, 3)} <= found
 
 
 @pytest.mark.parametrize("friction", [0.2, -0.2])

@@ -11,8 +11,8 @@ Why a law is not a candidate, is no longer one, or is not the best, in the order
 3. A sum of two terms that a steady-state test does not separate (``is_sensible``).
 4. A sum whose friction would feed energy at all values that are tried (``_best_variants``). A single law of
    the library stays, so that its fit says why it is refused.
-5. A sum behind the best ones: of three terms by ``_BEAM_WIDTH``, of all by ``_SHORTLIST`` and
-   ``_SHORTLIST_WITH_MEMORY``.
+5. A sum behind the best ones: of three terms, some with values to be tried, by ``_BEAM_WIDTH``, of all by
+   ``_SHORTLIST`` and ``_SHORTLIST_WITH_MEMORY``.
 6. A sum that equals a law of the user: one row has both (``_merge_equal_laws``).
 7. Fitted and refused, a row with a ``fault`` and without values (``fit_candidate``): its force is not finite,
    its friction would feed energy, or it has almost no static stiffness.

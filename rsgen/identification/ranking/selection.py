@@ -157,7 +157,10 @@ class _TermColumns:
 def search_sums(
     rows: WhitenedBalance, terms: Sequence[Term], fixed: Mapping[str, float], most: int
 ) -> list[SumFit]:
-    """Fit the base, every term, every pair, and the best sums with one more term; best first by BIC.
+    """Fit the base, every term, every pair, and sums of three; best first by BIC.
+
+    Sums of three are the best pairs with one more term, and all of terms without values to be tried: where a
+    law of a pair degenerates, as a Stribeck velocity beyond all velocities, these say the same with fewer.
 
     Parameters
     ----------
@@ -175,8 +178,9 @@ def search_sums(
         replace(term, mirrored=image) for term in terms for image in (False, True)[: 1 + term.how.mirror]
     ]
     search = _SumSearch(rows, terms, fixed)
-    for size in range(min(most, 2) + 1):
-        for chosen in filter(search.is_sensible, combinations(terms, size)):
+    linear = [term for term in terms if not (term.search or term.remembers)]
+    for size in range(most + 1):
+        for chosen in filter(search.is_sensible, combinations(terms if size < 3 else linear, size)):
             search.consider(chosen, [search.columns.variants[term] for term in chosen])
     for size in range(3, most + 1):
         search.extend(size)
