@@ -201,9 +201,8 @@ def from_stepped_sine(
 def _unsettled(steps: Sequence[_Step]) -> list[Finding]:
     """Return a doubt where most steps did not settle, as those that are found in a sweep."""
     moving = sum(s.outcome == Outcome.UNSETTLED for s in steps)
-    numbers = quantities(excluded=moving, points=len(steps))
-    settling = Finding("points-excluded", "doubt", "", numbers, {"by": "settling"})
-    return [settling] if 2 * moving > len(steps) else []
+    numbers, names = quantities(excluded=moving, points=len(steps)), {"by": "settling"}
+    return [Finding("points-excluded", "doubt", "", numbers, names)] if 2 * moving > len(steps) else []
 
 
 def _steps_of(history: TimeHistory, band: tuple[float, float] | None, harmonics: int) -> list[_Step]:
@@ -376,7 +375,6 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
     line = float(np.sum(np.abs(moved[1:]) ** 2)) / 2
     rate = omega * history.rate
     table = displacement_harmonics(moved[None], np.array([rate]), history.quantity, harmonics)
-    error = noise * np.sqrt(2 / len(force)) / max(abs(moved[1]), _TINY)
     outcome = Outcome.SETTLED if settled else Outcome.UNSETTLED
     if _repeats_after_two(history.response[start:end], omega, orders, abs(moved[1]), noise):
         outcome = Outcome.PERIOD_TWO
@@ -387,7 +385,7 @@ def _fit(history: TimeHistory, begin: int, end: int, omega: float, harmonics: in
         harmonics=table[0],
         change=change,
         outcome=outcome,
-        error=float(error),
+        error=float(noise * np.sqrt(2 / len(force)) / max(abs(moved[1]), _TINY)),
         share=fed / max(fed + left**2, _TINY),
         line=line,
         power=line + noise**2,
