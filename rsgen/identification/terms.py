@@ -395,15 +395,7 @@ def fit_near(problem: Problem, parameters: Array, *, order: int) -> Fit:
 def alternatives_to(
     fit: Fit, agreement: Agreement, *, backgrounds: bool
 ) -> dict[str, Mapping[str, Alternative]]:
-    """Return the alternatives to a fit: one more term, a larger background, halves of the test.
-
-    Parameters
-    ----------
-    fit, agreement
-        A fit, and the agreement of halves of its points.
-    backgrounds
-        True to include backgrounds.
-    """
+    """Return the alternatives to a fit: one more term, halves of points, larger ``backgrounds`` if asked."""
     noise = max(fit.regression.sigma * float(np.median(agreement.wider)), 1e-300)
     more = fit_larger_backgrounds(fit, noise) if backgrounds else {}
     kinds: dict[str, Mapping[str, Alternative]] = {"term": fit_missing_terms(fit, noise)}

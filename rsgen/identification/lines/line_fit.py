@@ -295,7 +295,8 @@ def jackknife(found: Regression, group: NDArray[np.intp]) -> Array:
     """
     basis, rows, residual = found.basis, found.rows[found.used], found.residual[found.used]
     group = group[found.used]
-    numbers, unit = np.unique(group), np.eye(basis.shape[1])
+    numbers = np.unique(group)
+    unit = np.eye(basis.shape[1])
     total = np.zeros_like(unit)
     for number in numbers:
         own_rows, own_residual = rows[group == number], residual[group == number]
@@ -586,12 +587,7 @@ def _clear_lines(spectrum: ComplexArray, lines: SpectralLines) -> ComplexArray:
 def start_values(lines: SpectralLines, law: ForceLaw, fixed: Mapping[str, float]) -> tuple[Array, float]:
     """Find initial values (p,) of the law and an initial mass [kg].
 
-    Parameters
-    ----------
-    lines, law
-        Data and model.
-    fixed
-        Values of parameters that are known, by name; "m" is the mass [kg].
+    ``fixed`` are values of known parameters, by name; "m" is the mass [kg].
     """
     if lines.weighed is not None:
         fixed = {"m": lines.weighed[0], **fixed}
