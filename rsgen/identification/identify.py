@@ -138,44 +138,48 @@ def _balance(problem: Problem, parameters: Array) -> tuple[Fit, bool]:
     """Return the fit with all harmonics that matter, and whether only the simulator has all of them.
 
     The simulator is needed where a law jumps or has corners of its own (``rough``), and where the motion is
-    far from a sine (``strong``); for a law with memory only if more harmonics move a value, and the steps of
-    a balance settle. A law with switches needs it also for a misfit below what a balance leaves, none for one
-    below the simulator's own accuracy. For other laws harmonics are added until the last no longer matters. A
-    long test decides this on ``SUBSAMPLE_POINTS``, and all its points are fitted at the end.
+    far from a sine (``strong``); for a law with memory only if more harmonics move a value, and settle it in
+    a few steps: else the fit counts as not converged. A law with switches needs it also for a misfit below
+    what a balance leaves, none for one below the simulator's own accuracy. For other laws harmonics are added
+    until the last no longer matters. A long test decides this on ``SUBSAMPLE_POINTS``, and all its points are
+    fitted at the end.
     """
     law = problem.law
     points = problem.observed.mode(problem.split(parameters)[2])
     few = problem.select(points.spread(SUBSAMPLE_POINTS)) if len(points) > 2 * SUBSAMPLE_POINTS else problem
-    balance = partial(fit_balance, few, compared=BALANCE_HARMONICS, correct=few is problem)
+    balance = partial(fit_balance, compared=BALANCE_HARMONICS, correct=few is problem)
     needs_simulator = law.rough or points.strong
-    corners = needs_simulator or law.switched
+    corners, settles = needs_simulator or law.switched, True
     smooth = _ORDERS_TRIED if law.remembers else (_FEW_HARMONICS, *_ORDERS_TRIED)
     for order in (_HARMONICS_OF_CORNERS,) if corners else smooth:
-        refined = balance(parameters, order=order)
+        refined = balance(few, parameters, order=order)
         parameters = refined.regression.parameters
         if _has_all_harmonics(refined, order, len(points)):
             break
     if law.remembers and needs_simulator and refined.regression.sigma > _ACCURACIES[0]:
         # a memory takes the simulator hundreds of cycles to settle: more harmonics first
         higher = min(more for more in _ORDERS_TRIED if more > order)
-        more = balance(parameters, order=higher)
+        used = few.select(np.flatnonzero(refined.regression.used))
+        more = balance(used, parameters, order=higher, exclude=False, steps=NEAR_STEPS).regression
         share = len(few.observed.points) / len(points)
-        # where neither settles the test does not tell a value, which the simulator would seek for minutes
-        settled = refined.regression.converged or more.regression.converged
-        needs_simulator = settled and not _alike(refined.regression, more.regression, share)
-        if not needs_simulator:
-            refined, order, parameters = more, higher, more.regression.parameters
+        alike = _alike(refined.regression, more, share)
+        # the test does not tell a value that they do not settle, and the simulator would seek it for minutes
+        settles, needs_simulator = alike or more.converged, not alike and more.converged
+        if alike:
+            refined, order = balance(few, parameters, order=higher), higher
+            parameters = refined.regression.parameters
     noise = refined.regression.sigma
     needs_simulator |= law.switched and noise < _ACCURACIES[0]
     needs_simulator &= noise > _ACCURACIES[-1]
-    if few is problem:
-        return refined, needs_simulator
-    # what the simulator takes up needs no more than one step, and the fit of a law that misses by far creeps
-    misses = refined.regression.rms_misfit > MISFIT_REJECTED
-    needs_simulator &= not misses
-    steps = 1 if needs_simulator else NEAR_STEPS if misses else MAX_NEWTON_STEPS
-    found = fit_balance(problem, parameters, order=order, compared=BALANCE_HARMONICS, steps=steps, near=noise)
-    return found, needs_simulator
+    if few is not problem:
+        # what the simulator takes up needs no more than one step, and a law that misses by far creeps
+        misses = refined.regression.rms_misfit > MISFIT_REJECTED
+        needs_simulator &= not misses
+        steps = 1 if needs_simulator else NEAR_STEPS if misses else MAX_NEWTON_STEPS
+        refined = balance(problem, parameters, order=order, correct=True, steps=steps, near=noise)
+    found = refined.regression
+    found = replace(found, converged=found.converged and settles)
+    return replace(refined, regression=found), needs_simulator
 
 
 def _has_all_harmonics(found: Fit, order: int, count: int) -> bool:

@@ -8,12 +8,14 @@ import pytest
 
 import rsgen as rs
 from rsgen import ResponseSurface, identify
+from rsgen.common.tolerances import BALANCE_HARMONICS, NEAR_STEPS
 from rsgen.identification.fitting import least_squares
 from rsgen.identification.fitting.forward import Simulator
 from rsgen.identification.profile import Profile, _Likelihood, profile, with_profiles
 from rsgen.identification.restoring_force import invert_curve
 from rsgen.identification.results.result import EquivalentCurve, Estimate
 from rsgen.report.page_tables import _estimate_cell, estimate_table
+from tests.pins.grids import joint_law, small_joint
 from tests.surfaces import codes
 from tests.virtual import fundamentals, simulated
 
@@ -203,6 +205,27 @@ def test_a_fit_that_did_not_converge_states_no_interval(monkeypatch):
     assert np.isfinite(curve.amplitude).any()
     assert np.isnan([curve.lower, curve.upper]).all()
     assert not any("±" in row[5].note for row in estimate_table(found).rows)
+
+
+@pytest.mark.usefixtures("not_simulated")
+def test_values_that_more_harmonics_do_not_settle_have_no_interval(monkeypatch):
+    """So it is with the power of Bouc and Wen's law of a Jenkins joint, whose counterpart is infinite."""
+    module = sys.modules["rsgen.identification.identify"]
+    fit_balance, steps = module.fit_balance, list[int | None]()
+
+    def unsettled(*given, order, **options):
+        found = fit_balance(*given, order=order, **options)
+        if order == BALANCE_HARMONICS:
+            return found
+        steps.append(options.get("steps"))
+        values = 1.5 * found.regression.parameters
+        return replace(found, regression=replace(found.regression, parameters=values, converged=False))
+
+    monkeypatch.setattr(module, "fit_balance", unsettled)
+    found = identify(small_joint("jenkins", 0.01), joint_law("jenkins"))
+    assert "not-converged" in codes(found)
+    assert all(estimate.interval == (-np.inf, np.inf) for estimate in found)
+    assert steps == [NEAR_STEPS]
 
 
 @pytest.mark.usefixtures("not_simulated")
