@@ -174,8 +174,9 @@ def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[
     # one point a level shows no pattern either, and a loop holds each until its noise is gone
     patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
     misfit = fit.regression.rms_misfit
-    # the forces of a free decay are those of the given mass
-    found = [] if surface.decays else _contradicted(surface, fit, misfit)
+    # the forces of a free decay are those of the given mass; steps that ended anywhere compare with no fit
+    compared = fit.regression.converged and not surface.decays
+    found = _contradicted(surface, fit, misfit) if compared else []
     if misfit > (MISFIT_DOUBTFUL_WITHOUT_PATTERN if patterns else MISFIT_DOUBTFUL_PATTERN_UNSEEN):
         severity: Severity = "error" if misfit > MISFIT_REJECTED else "doubt"
         found.append(Finding("misfit-large", severity, numbers=quantities(misfit=misfit)))
@@ -468,7 +469,7 @@ def unseen_findings(fit: Fit, estimates: Sequence[Estimate]) -> list[Finding]:
     Nonlinear Oscillations, Wiley 1979, section 2.3): the stated k3 and its interval are of that.
     """
     problem = fit.problem
-    if records_even(problem) or not _is_symmetric(problem):
+    if not fit.regression.converged or records_even(problem) or not _is_symmetric(problem):
         return []
     (k2, moved), series, x = even_force_shift(fit), problem.law.expression.expand(), symbol("x")
     change_of = dict(zip((*problem.law.parameters, "m"), moved.tolist(), strict=False))
