@@ -286,7 +286,8 @@ class _Search:
             starts = _separate(ordered, STARTS)
         if several:
             # a few hundred trials are thin in two dimensions and more
-            starts.append(self.scan_one_by_one(starts[0], windows))
+            scanned = self.scan_one_by_one(starts[0], windows)
+            starts += [] if np.array_equal(scanned, starts[0]) else [scanned]
         for start in starts:
             found, cost = self.refine(start)
             if cost < lowest * (1 - 1e-9):
