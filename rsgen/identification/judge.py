@@ -303,7 +303,8 @@ class Findings:
         # a wrong fixed value leaves what terms take up as well, a ratio of channels what backgrounds do
         ratio_differs = any(f.code == "channels-delayed" and "gain" in f.numbers for f in of_test)
         ambiguous = (f for f in self.stated.ambiguous if not (ratio_differs and "background" in f.names))
-        of_law += () if wrong else ambiguous
+        # where steps ended, no other fit moves a value
+        of_law += () if wrong or not self.fit.regression.converged else ambiguous
         valued = {e.name for e in self.estimates if np.isfinite(e.value)}
         return (
             *of_law,
@@ -358,7 +359,7 @@ class Findings:
         if self.surface.decays:
             used, motion = self.fit.regression.used, self.fit.motion
             found += derivative_findings(self.points.harmonics[used], motion.harmonics[used])
-        found += self.errors.agreement.findings
+        found += self.errors.agreement.findings if self.fit.regression.converged else ()
         found += sign_findings(self.points, self.fit, wider, force_units(self.model, self.surface.units))
         found += phase_findings(self.fit.background)
         problem = self.fit.problem

@@ -119,9 +119,11 @@ def misfit_findings(
     others
         Alternatives to the fit, each to first order.
     """
-    if not fit.systematic:
-        return _noise_findings(surface, points, fit)
     misfit = fit.regression.rms_misfit
+    # a value of a memory that has no end leaves a pattern, of which the law is not to blame
+    endless = fit.problem.law.remembers and not fit.regression.converged and misfit < MISFIT_REJECTED
+    if endless or not fit.systematic:
+        return _noise_findings(surface, points, fit)
     size = _of_systematic_columns(fit) if surface.decays else misfit
     # above a hundredth intervals are too narrow, of a joint from its noise on
     severity = severity_of(size, min(MISFIT_DOUBTFUL_WITH_PATTERN, _limit_of_joints(fit)), MISFIT_REJECTED)

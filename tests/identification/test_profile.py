@@ -156,16 +156,15 @@ def test_values_that_noise_hides_are_not_determined_and_not_simulated():
 
 def test_a_joint_without_compliance_is_not_sought_for_minutes(monkeypatch):
     """Its stiffness grows without end, by the formula as by the element of the library."""
-    named, how = {"k": 26500.0, "k5": 4.4e13, "c": 1.9, "Ff": 0.28}, {"noise_relative": 4e-4, "seed": 1}
-    test = simulated("k*x + k5*x**5 + c*v + Ff*sign(v)", named, [1.2, 3, 7, 12], (18, 31, 14), 1.37, **how)
+    true, how = {"k": 26500.0, "k5": 4.4e13, "c": 1.9, "Ff": 0.28}, {"noise_relative": 4e-4, "seed": 1}
+    test = simulated("k*x + k5*x**5 + c*v + Ff*sign(v)", true, [1.2, 3, 7, 12], (18, 31, 14), 1.37, **how)
     # no new derivatives for steps without end
     monkeypatch.setattr(Simulator, "renew", None)
     slips = rs.Law("masing(Min(kt*x, Fs))"), rs.laws["jenkins"]
     user, library = (identify(test, law + "k*x + k5*x**5 + c*v", mass=1.37) for law in slips)
     assert [finding.code for finding in user.verdict.decided_by] == ["not-converged"]
     assert user.values == library.values
-    for name, value in {"Fs": named.pop("Ff"), **named}.items():
-        assert user.values[name] == pytest.approx(value, rel=5e-3)
+    assert not any(np.isfinite(estimate.interval).any() for estimate in user)
 
 
 def test_a_profile_follows_values_that_go_together():
