@@ -21,7 +21,6 @@ from rsgen.analysis.comparison import all_findings, verdict_of
 from rsgen.common.arrays import Array
 from rsgen.common.finding import STATES, USABLE, Finding, Quantity, quantities, reasons_of, steps_once
 from rsgen.common.output import write_atomic
-from rsgen.common.tolerances import NOISE_LIMIT_SIGMAS
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.describing.derivation import derive, derive_off_centre
@@ -320,31 +319,6 @@ def describe_elements(
     return {name: sentence(finding) for name, finding in said.items() if finding is not None}
 
 
-def mean_sentence(surface: ResponseSurface, identification: Identification) -> str:
-    """Say between which peaks the largest response swings; "" where its mean is negligible.
-
-    Parameters
-    ----------
-    surface
-        Its largest settled response is described.
-    identification
-        Source of the noise level.
-    """
-    settled = np.flatnonzero(surface.settled)
-    if not settled.size:
-        return ""
-    i = int(settled[np.argmax(surface.amplitude[settled])])
-    mean, amplitude = float(surface.harmonics[i, 0].real), float(surface.amplitude[i])
-    noise = identification.noise if np.isfinite(identification.noise) else 0.0
-    if (
-        abs(mean) < max(1e-3, NOISE_LIMIT_SIGMAS * noise) * amplitude
-        or not np.isfinite(surface.peak[i]).all()
-    ):
-        return ""
-    high, low, middle = (quantity_text(float(value), "m", 3) for value in (*surface.peak[i], mean))
-    return f"At the largest response the displacement swings from {low} to {high} about a mean of {middle}."
-
-
 def _test_context(
     surface: ResponseSurface | MultisineSpectra, identification: Identification
 ) -> dict[str, Any]:
@@ -353,14 +327,9 @@ def _test_context(
         approximations = cast("MultisineIdentification", identification).approximations
         return {
             "test_sentence": sentences.spectra_sentence(surface, identification.frequency_range),
-            "mean_sentence": None,
             "linear_table": tables.linear_table(approximations, identification.curve.units),
         }
-    return {
-        "test_sentence": sentences.surface_sentence(surface),
-        "mean_sentence": mean_sentence(surface, identification),
-        "linear_table": None,
-    }
+    return {"test_sentence": sentences.surface_sentence(surface), "linear_table": None}
 
 
 # ----------------------------------------------------------------------------
