@@ -227,7 +227,11 @@ def _one_round(
     result.steps[active], result.y[:, active] = steps, y
     result.outcome[active[~bounded]] = Outcome.DIVERGED
     active, y, history = active[bounded], y[:, bounded], history[:, :, bounded]
-    settled = _accept(period_map, result, active, y, history, least[active])
+    settled = _accept_sticking(period_map, result, active, y, history, least[active])
+    left = np.flatnonzero(~settled)
+    settled[left] = _accept_moving(
+        period_map, result, active[left], y[:, left], history[:, :, left], least[active[left]]
+    )
     left = np.flatnonzero(~settled)
     size = np.maximum(norm(y[:, left]), least[active[left]])
     two_ago, one_ago = norm(y[:, left] - history[0][:, left]), norm(y[:, left] - history[1][:, left])
@@ -237,25 +241,14 @@ def _one_round(
     return active[left[~twice]]
 
 
-def _accept(
-    period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
-) -> NDArray[np.bool_]:
-    """Record the points that have settled, and return their mask.
-
-    ``y`` (D, k) are their states after a round, ``history`` (2, D, k) those two periods and one before.
-    """
-    settled = _accept_sticking(period_map, result, active, y, history, least)
-    left = np.flatnonzero(~settled)
-    settled[left] = _accept_moving(
-        period_map, result, active[left], y[:, left], history[:, :, left], least[left]
-    )
-    return settled
-
-
 def _accept_moving(
     period_map: PeriodMap, result: Settling, active: Indices, y: Array, history: Array, least: Array
 ) -> NDArray[np.bool_]:
-    """Record the points that are on their way to an attracting fixed point, or repeat to round-off."""
+    """Record the points that are on their way to an attracting fixed point, or repeat to round-off.
+
+    ``y`` (D, k) are their states after a round, ``history`` (2, D, k) those two periods and one before.
+    Return the mask (k,) of these points.
+    """
     steps = result.steps[active]
     fixed = find_fixed_points(period_map, active, y, steps, _MAX_LAST_STEP, least)
     inner_loops = np.zeros(len(active), dtype=bool)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rsgen.common.arrays import Array, ComplexArray
 from rsgen.common.errors import MeasurementError, require
 from rsgen.common.finding import Finding
-from rsgen.common.text_table import short
+from rsgen.common.text_table import Brief
 from rsgen.common.tolerances import MAX_TRIAL_STEPS, MIN_MISFIT_REDUCTION, NOISE_LIMIT_SIGMAS
 from rsgen.data.free_mode import fit_mode, steady
 from rsgen.data.multisine.spectra import LINES_TO_EACH_SIDE, MultisineSpectra, rms, scatter, smooth
@@ -79,7 +79,7 @@ _MIN_LINES = _POLYNOMIAL_TERMS + 1
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Distortion:
+class Distortion(Brief):
     """Response at lines that the force does not excite, without the linear response to leakage.
 
     Parameters
@@ -99,10 +99,6 @@ class Distortion:
     noise: Array
     records: int
 
-    def __repr__(self) -> str:
-        """Return number and range of the lines."""
-        return f"Distortion({len(self.frequency)} lines{_between(self.frequency)})"
-
     def share(self, whole: Array) -> tuple[float, float]:
         """Return root mean square without noise over that of ``whole`` (e,) [1], and its upper bound.
 
@@ -121,7 +117,7 @@ class Distortion:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class BestLinear:
+class BestLinear(Brief):
     """Best linear approximation of one level.
 
     Parameters
@@ -164,20 +160,6 @@ class BestLinear:
     mass: float
     level_unit: str = "N"
 
-    def __repr__(self) -> str:
-        """Return mode and shares in one line, without the arrays of hundreds of lines."""
-        said = {
-            "natural frequency": (self.natural_frequency, " Hz"),
-            "damping ratio": (self.damping_ratio, ""),
-            "noise": (self.noise_share, ""),
-            "distortion": (self.distortion_share, ""),
-        }
-        known = "".join(
-            f", {name} {short(value)}{unit}" for name, (value, unit) in said.items() if value >= 0
-        )
-        lines = f"{len(self.frequency)} lines{_between(self.frequency)}"
-        return f"BestLinear({short(self.level)} {self.level_unit} rms, {lines}{known})"
-
     @property
     def rms(self) -> float:
         """Root mean square of the displacement at the excited lines [m]."""
@@ -215,10 +197,6 @@ class BestLinear:
     def noise_share(self) -> float:
         """Noise of the mean over the response at the excited lines [1]; NaN with one period."""
         return _share(self.noise, self.response)
-
-
-def _between(frequency: Array) -> str:
-    return f" of {short(float(frequency[0]))} to {short(float(frequency[-1]))} Hz" if len(frequency) else ""
 
 
 def _share(part: Array, whole: Array) -> float:
