@@ -282,12 +282,8 @@ def _accept_sticking(
     if not len(here):
         return settled
     points, middle, offset, steps = active[here], middle[here], offset[here], result.steps[active[here]]
-    before, history, least, all_here = (
-        y[:first, here],
-        history[:, :first, here],
-        least[here],
-        np.arange(len(here)),
-    )
+    before, history = y[:first, here], history[:, :first, here]
+    least, all_here = least[here], np.arange(len(here))
     held = replace(period_map.of(points), memory=HeldMemory.at(layout, middle, offset))
     fixed = find_fixed_points(held, all_here, before, steps, _MAX_LAST_STEP, least, spared=True)
     peak = held.carry(all_here, fixed.y, steps, 1, 1, peaks=True).peak

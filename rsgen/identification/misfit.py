@@ -126,7 +126,9 @@ def misfit_findings(
         return _noise_findings(surface, points, fit)
     size = _of_systematic_columns(fit) if surface.decays else misfit
     # above a hundredth intervals are too narrow, of a joint from its noise on
-    severity = severity_of(size, min(MISFIT_DOUBTFUL_WITH_PATTERN, _limit_of_joints(fit)), MISFIT_REJECTED)
+    across = fit.problem.law.parts[1:]
+    limits = [misfit_of_joint(fit.problem.observed.points, part.sensors) for part in across]
+    severity = severity_of(size, min([MISFIT_DOUBTFUL_WITH_PATTERN, *limits]), MISFIT_REJECTED)
     rejected = severity == "error"
     left_by_term, left_by_cause, names = _cause(
         fit, points, others, only_terms=rejected, decays=surface.decays
@@ -163,12 +165,6 @@ def misfit_findings(
             left_by_term=left_by_term if known else 0.0,
         )
     return found
-
-
-def _limit_of_joints(fit: Fit) -> float:
-    """Return the misfit from which on a law across two sensors is doubtful; infinite without one."""
-    points, across = fit.problem.observed.points, fit.problem.law.parts[1:]
-    return min((misfit_of_joint(points, part.sensors) for part in across), default=inf)
 
 
 def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:

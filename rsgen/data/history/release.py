@@ -137,22 +137,11 @@ def find_decays(
         else:
             begin = max(begin, _after_clipping(history, min(begin, end - 1), end))
         rises = after < len(high) and _slowly(high[top : after + 1])
-        falls = (
-            len(part) < _MIN_SPECTRA
-            or float(high[max(top, back + min(driven, len(part) - 1))] - np.min(part)) > _MIN_FALL
-        )
+        free = max(top, back + min(driven, len(part) - 1))
+        falls = len(part) < _MIN_SPECTRA or float(high[free] - np.min(part)) > _MIN_FALL
         if falls and begin + MIN_SAMPLES <= end:
-            found.append(
-                Stretch(
-                    begin,
-                    end,
-                    seen,
-                    given,
-                    held is not None,
-                    rises,
-                    _floor(high[max(back + driven, top) : low]),
-                )
-            )
+            floor = _floor(high[max(back + driven, top) : low])
+            found.append(Stretch(begin, end, seen, given, held is not None, rises, floor))
     if not found:
         raise fault or MeasurementError(
             f"{history.label}: the amplitude near {line:.4g} Hz does not fall by a tenth after its largest; "

@@ -412,13 +412,8 @@ def _spread_trials(windows: Sequence[Array], count: int, *, positive: int = 0) -
     from scipy.stats import qmc
 
     points = qmc.Halton(len(windows), seed=1).random(count)
-    trials = np.stack(
-        [
-            window[(column * len(window)).astype(np.intp)]
-            for window, column in zip(windows, points.T, strict=True)
-        ],
-        axis=1,
-    )
+    places = zip(windows, points.T, strict=True)
+    trials = np.stack([window[(part * len(window)).astype(np.intp)] for window, part in places], axis=1)
     trials[:positive] = np.abs(trials[:positive])
     return trials
 
