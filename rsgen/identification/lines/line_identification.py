@@ -370,10 +370,14 @@ def _basis(found: Regression) -> Array:
 
 def _curve(resonances: tuple[Resonance, ...], part: MultisineSpectra, units: ForceUnits) -> EquivalentCurve:
     """Return equivalent stiffness and damping of each level at its resonance."""
-    names = ("amplitude", "frequency", "level", "stiffness", "damping")
-    columns = (np.array([getattr(point, name) for point in resonances]) for name in names)
+    amplitude, frequency, level, stiffness, damping = (
+        np.array([getattr(point, name) for point in resonances])
+        for name in ("amplitude", "frequency", "level", "stiffness", "damping")
+    )
     used = np.ones(len(resonances), dtype=bool)
-    return EquivalentCurve(*columns, used, part.level_unit, units, part.base)
+    return EquivalentCurve(
+        amplitude, frequency, level, stiffness, damping, used, part.level_unit, units, part.base
+    )
 
 
 def lines_feed_exciter(fit: LineFit) -> bool:
