@@ -148,6 +148,9 @@ def prepare(surface: ResponseSurface, model: Model) -> Prepared:
     neighbour = model.observation.background.startswith("neighbour") and response_share(model.sensors) > 0
     refuse_across(model.sensors, neighbour=neighbour, phases=not surface.phase_known)
     observed = Observed.of(points, model.observation.background)
+    if law.remembers and law.odd:
+        # the mean of a slider that sticks is where it came to rest
+        observed = replace(observed, recorded=tuple(h for h in observed.recorded if h))
     return Prepared(surface, repeats, Problem(model.elements, law, observed, model.fixed))
 
 

@@ -410,7 +410,7 @@ def even_findings(fit: Fit) -> list[Finding]:
     gain = float(np.sum(without.residual**2) - np.sum(best.regression.residual**2)) / noise**2
     if not gain - _gain_of_offset(few, without) / noise**2 > MIN_SIGNIFICANT_GAIN:
         return []
-    points = few.observed.points
+    points, recorded = few.observed.points, few.observed.recorded
     largest = int(np.argmax(points.amplitude))
     size = float(points.amplitude[largest])
     spring = best.mass * float(points.omega[largest]) ** 2 * size
@@ -418,7 +418,7 @@ def even_findings(fit: Fit) -> list[Finding]:
     if not share > RELATIVE_CHANGE_NEGLIGIBLE:
         return []
     numbers = quantities(share=share, amplitude=Quantity(size, "m"), errors=np.sqrt(gain))
-    names = {"term": term} | ({"mean": "recorded"} if 0 in points.measured else {})
+    names = {"term": term} | ({"mean": "recorded"} if 0 in recorded else {})
     return [Finding("even-force-missing", "doubt", numbers=numbers, names=names)]
 
 
@@ -451,7 +451,7 @@ def _with_even(problem: Problem, fit: Fit, term: str) -> tuple[int, Fit, Regress
 
 def _gain_of_offset(problem: Problem, without: Regression) -> float:
     """How much of the sum of squares a constant offset of the displacement takes up."""
-    if 0 not in problem.observed.points.measured:
+    if 0 not in problem.observed.recorded:
         return 0.0
     used, amplitude = without.used, problem.observed.points.amplitude
     # behind the real parts of force and fundamental

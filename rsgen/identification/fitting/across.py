@@ -97,7 +97,7 @@ def _cubic(omega: Array) -> Array:
 
 
 def law_of(
-    elements: Sequence[Element], means: Sequence[bool] | None = None, asymmetric: bool = False
+    elements: Sequence[Element], means: Sequence[bool] | None = None, asymmetric: tuple[bool, bool] = (False, False)
 ) -> ForceLaw:
     """Compile the law of some elements, in parts by motion.
 
@@ -109,7 +109,7 @@ def law_of(
         Whether the mean was recorded, of the response and of the motion across two sensors if the test has
         one; None: nothing is to be fitted.
     asymmetric
-        True where some motions are.
+        ``Points.asymmetric``: by the mean or the second harmonic, and by the latter.
 
     Raises
     ------
@@ -123,7 +123,8 @@ def law_of(
         sensors_of(elements, len(means) - 1)
     if len(forces) == 1:
         # an odd law has asymmetric motions, too: in one well of two, or after symmetry breaking
-        return replace(total, odd=False) if total.odd and asymmetric else total
+        # but of a slider that sticks the mean says nothing
+        return replace(total, odd=False) if total.odd and asymmetric[total.remembers] else total
     parts = []
     for motion, (sensors, force) in enumerate(forces.items()):
         law = compile_law(force)

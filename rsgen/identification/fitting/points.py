@@ -131,10 +131,11 @@ class Points:
         return noise & (np.count_nonzero(~noise) > MIN_POINTS)
 
     @property
-    def asymmetric(self) -> bool:
-        """True if some motions have a mean or a second harmonic beyond noise."""
-        even = np.abs(self.harmonics[:, 0:3:2]).max(axis=1) / self.amplitude
-        return int(np.count_nonzero(even > ASYMMETRIC)) >= _MIN_ASYMMETRIC_POINTS
+    def asymmetric(self) -> tuple[bool, bool]:
+        """True if some motions have a mean or a second harmonic beyond noise, and if some have the second."""
+        even = np.abs(self.harmonics[:, 0:3:2]) > ASYMMETRIC * self.amplitude[:, None]
+        either, second = even.any(axis=1), even[:, 1:].any(axis=1)
+        return either.sum() >= _MIN_ASYMMETRIC_POINTS, second.sum() >= _MIN_ASYMMETRIC_POINTS
 
     @property
     def strong(self) -> bool:
