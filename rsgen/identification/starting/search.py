@@ -343,7 +343,10 @@ class _Search:
         if which in self.unit_members:
             return np.array([1.0, -1.0])
         if self._law.remembers and np.isfinite(self.natural[which]):
-            size = self.natural[which] * np.logspace(-DECADES, DECADES, 12 * DECADES + 1)
+            motion = np.abs(self._equations.motions[-1][:, 1])
+            # a slider may slip at the smallest motions alone
+            reach = max(DECADES, int(np.ceil(np.log10(motion.max() / motion.min()))))
+            size = self.natural[which] * np.logspace(-reach, reach, 12 * reach + 1)
             return np.concatenate([size, -size])
         some = self._equations
         some = some.select(np.linspace(0, len(some.omega) - 1, 8).round().astype(np.intp))
