@@ -513,8 +513,8 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
             found = descent.corrected(found)
         parameters, nuisance = found.parameters, found.nuisance
         exact = found.sigma < _RESOLUTION * accuracy
-        # the minimum of a memory that a round does not settle is often at infinity
-        if exact or found.sigma > _WORTH * noise if found.converged else problem.law.remembers:
+        # the minimum of a memory that two rounds do not settle is often at infinity
+        if (found.converged or problem.law.remembers) and (exact or found.sigma > _WORTH * noise):
             break
         # near a fold derivatives change quickly
         noise = found.sigma
