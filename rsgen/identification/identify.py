@@ -234,13 +234,17 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     start = replace(balanced, regression=replace(near, sigma=quick.regression.sigma))
     if quick.regression.sigma < _RESOLVED * accuracy:
         accuracy = _ACCURACIES[1]
-    whole = len(few) == len(balanced.force) and accuracy == _ACCURACIES[0]
+    all_points = len(few) == len(balanced.force)
+    whole = all_points and accuracy == _ACCURACIES[0]
     by_chance = f_quantile(quick.regression.freedom, quick.regression.freedom, (1 + SIGNIFICANCE_LEVEL) / 2)
     gain = (balanced.regression.rms_misfit / quick.regression.rms_misfit) ** 2
     if not whole and law_misses(quick) and gain <= by_chance:
         # exact corners are not what it misses, and all points would take minutes
         return balanced
     refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
+    if all_points and problem.law.remembers and not (refitted and refitted.regression.converged):
+        # the coarser accuracy has settled the values
+        refitted = quick
     if refitted is None or _loses_held(refitted, balanced):
         return balanced
     both = refitted.regression.used & balanced.regression.used

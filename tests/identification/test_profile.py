@@ -167,6 +167,17 @@ def test_a_joint_without_compliance_is_not_sought_for_minutes(monkeypatch):
     assert not any(np.isfinite(estimate.interval).any() for estimate in user)
 
 
+@pytest.mark.parametrize(("kt", "noise"), [(2e5, 1e-3), (5e6, 1e-4)])
+def test_a_slider_that_sticks_at_the_lowest_level_is_found(kt, noise):
+    """It rests where it came to a stop, and slips within a ten-thousandth of the largest motion."""
+    named, how = {"k": 6e4, "c": 5.09, "kt": kt, "Fs": 4.4}, {"noise_relative": noise, "seed": 1}
+    law = "k*x + c*v + masing(Min(kt*x, Fs))"
+    found = identify(simulated(law, named, [3, 5, 8, 12], (24, 38, 14), 1.92, **how), law, mass=1.92)
+    assert found.verdict.state == "identified"
+    for name, value in named.items():
+        assert found[name].interval[0] < value < found[name].interval[1]
+
+
 def test_a_profile_follows_values_that_go_together():
     # with another Fs the stiffness of the slider, the spring and the motions near the resonance are others
     law, values = "k*x + c*v + masing(Min(kt*x, Fs))", {"k": 4967.0, "c": 1.0925, "kt": 993.4, "Fs": 0.06644}

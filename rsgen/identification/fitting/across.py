@@ -97,7 +97,9 @@ def _cubic(omega: Array) -> Array:
 
 
 def law_of(
-    elements: Sequence[Element], means: Sequence[bool] | None = None, asymmetric: tuple[bool, bool] = (False, False)
+    elements: Sequence[Element],
+    means: Sequence[bool] | None = None,
+    asymmetric: tuple[bool, bool] = (False, False),
 ) -> ForceLaw:
     """Compile the law of some elements, in parts by motion.
 
@@ -109,7 +111,7 @@ def law_of(
         Whether the mean was recorded, of the response and of the motion across two sensors if the test has
         one; None: nothing is to be fitted.
     asymmetric
-        ``Points.asymmetric``: by the mean or the second harmonic, and by the latter.
+        ``Points.asymmetric``: by the mean or the second harmonic, and by the second harmonic alone.
 
     Raises
     ------

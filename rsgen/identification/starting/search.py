@@ -344,8 +344,9 @@ class _Search:
             return np.array([1.0, -1.0])
         if self._law.remembers and np.isfinite(self.natural[which]):
             motion = np.abs(self._equations.motions[-1][:, 1])
-            # a slider may slip at the smallest motions alone
-            reach = max(DECADES, int(np.ceil(np.log10(motion.max() / motion.min()))))
+            # a slider may slip within the smallest motions
+            smallest = max(motion.min(), 10.0 ** (-3 * DECADES) * motion.max())
+            reach = max(DECADES, int(np.ceil(np.log10(motion.max() / smallest))))
             size = self.natural[which] * np.logspace(-reach, reach, 12 * reach + 1)
             return np.concatenate([size, -size])
         some = self._equations
