@@ -41,7 +41,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 
 LABEL = "label"
 """The unit of levels that are names of runs: of none."""
-UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m|g)(?![A-Za-z])")
+UNIT_IN_NAME = re.compile(r"[ _-]?([munk]?N|lbf|[mu]m|[mu]?g)(?![A-Za-z])")
 """A unit right behind the number in a file's name: "run_{level}mN.csv"."""
 
 if TYPE_CHECKING:
@@ -438,9 +438,9 @@ class MeasuredTest(PlannedTest):
         # a factor says what the numbers are already
         if not found or given(self.level, "factor"):
             return ""
-        if found[1] == "g":
+        if found[1].endswith("g"):
             # of a base it is an acceleration, else a weight
-            return "g" if self.level_unit == "m/s^2" else ""
+            return found[1] if self.level_unit == "m/s^2" else ""
         # where a force was recorded, a length in the name is a gap or a position, and the number a label
         label = "force" in self.made and found[1].endswith("m") != (self.level_unit == "m")
         return "" if label else found[1]

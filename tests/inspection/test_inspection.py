@@ -196,6 +196,20 @@ def test_a_draft_leaves_open_what_it_does_not_know_and_reads_levels_from_names(t
     assert (answer.code, answer.err, "51 measured points at 2 levels" in answer.out) == (0, "", True)
 
 
+def test_a_draft_of_a_driven_base_takes_levels_from_names_and_a_relative_response_from_its_title(
+    tmp_path, begun
+):
+    head = "frequency (Hz),table acceleration (m/s^2),relative displacement (mm),phase (deg)"
+    size, lag = np.abs(RECEPTANCE), np.degrees(np.angle(RECEPTANCE))
+    files = [tmp_path / f"base_{level}mg_{way}.csv" for level, way in (("030", "up"), ("060", "down"))]
+    for file, level in zip(files, (0.2942, 0.5884), strict=True):
+        write_columns(file, head, FREQUENCY, level, level * size, lag)
+    case = begun(*files)
+    test = tomllib.loads(case.read_text("utf-8"))["test"]
+    assert (test["base"]["response"], test["level"]) == ("relative", {"name": "base_{level}mg_*.csv"})
+    np.testing.assert_allclose(read(case).levels, [0.2942, 0.5884], rtol=1e-4)
+
+
 def test_names_and_volts_of_a_matrix_are_drafted(tmp_path, begun):
     samples = np.column_stack([np.sin(np.arange(400.0)), np.cos(np.arange(400.0))])
     content = {"fs": 2048.0, "data": samples, "channels": "force cell, accelerometer", "unit": "V, V"}

@@ -115,8 +115,8 @@ def _drafted(files: list[Path], target: Path) -> str:
     if folder != target.parent:
         proposal.doubts["test.file"] = f"in {folder}: set {DATA_VARIABLE} or --data to it"
     proposal.tables["test"]["file"] = named if len(named) > 1 else named[0]
-    names, in_g = [file.name for file in files], proposal.tables.get("test.base", {}).get("unit") == "g"
-    form = level_form(names, "g") if in_g else level_form(names)
+    names, base = [file.name for file in files], proposal.tables.get("test.base", {})
+    form = level_form(names, "[mu]?g") if base.get("quantity") == "acceleration" else level_form(names)
     level = proposal.tables.get("test.level", {})
     if form and not set(level) - {"value", "scale"}:
         level.pop("value", None)

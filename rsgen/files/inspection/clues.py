@@ -72,6 +72,8 @@ BASE = _named(
     r"|fixture|armature|aufspann\w*|shaker|exciter|seat ?rail|ctrl|control|regel)"
 )
 """Where a structure on a driven base is fixed, or what a shaker's controller holds."""
+RELATIVE = _named("relativ")
+"""A motion that was measured against the base."""
 RATE = _named(
     r"^f_?s$|^(?!.*(sweep|strain|flow)).*((?<![a-z])rate(?!d)|(?-i:[a-z]Rate)|samplerate|abtast)|fsamp|sampl(e|ing)_?freq"
 )

@@ -299,10 +299,12 @@ def _find_drive(draft: _Draft, sensors: list[Sensor], of_force: bool) -> tuple[S
     return next((sensor for sensor in sensors if sensor.main is force), None), base
 
 
-def _write_base(draft: _Draft, base: Sequence[Sensor]) -> None:
+def _write_base(draft: _Draft, base: Sequence[Sensor], relative: bool) -> None:
     """Write the motion of the base; of several sensors the first, and the others as a doubt."""
-    draft.tables["test.base"] = _motion(draft, base[0], "test.base") | {"response": "absolute"}
-    draft.doubts["test.base.response"] = 'or "relative", if the response was measured against the base'
+    said = {"response": "relative" if relative else "absolute"}
+    draft.tables["test.base"] = _motion(draft, base[0], "test.base") | said
+    if not relative:
+        draft.ask("test.base.response", 'or "relative", if the response was measured against the base')
     if base[1:]:
         others = listed([clues.called(sensor.main) for sensor in base[1:]])
         draft.ask("test.base.quantity", f"or {others}: the driven direction")
@@ -343,7 +345,7 @@ def _write_signals(
             responses[0] = responses[0].with_phase(phase, doubt)
             loose = [other for other in loose if other is not phase]
     if base:
-        _write_base(draft, base)
+        _write_base(draft, base, any(clues.RELATIVE(sensor.main) for sensor in responses[:1]))
     elif force is not None:
         draft.tables["test.force"] = _force(draft, force)
     else:
