@@ -181,14 +181,14 @@ def _level(test: MeasuredTest, number: int, table: Table) -> Array | None:
     alone = level_of_file(test, number)
     if alone is not None:
         return np.full(len(table.number), alone)
-    if test.level.values:
+    if test.level_values:
         entries = int(table.block.max()) + 1
-        if entries != len(test.level.values):
+        if entries != len(test.level_values):
             raise MeasurementError(
-                f"{table.label}: {entries} entries and {len(test.level.values)} levels; a level for each "
+                f"{table.label}: {entries} entries and {len(test.level_values)} levels; a level for each "
                 "entry is needed"
             )
-        return np.array(test.level.values)[table.block]
+        return np.array(test.level_values)[table.block]
     if test.level.column is None:
         return None
     factor, unit = test.level_factor, table.units.get(test.level.column, "")

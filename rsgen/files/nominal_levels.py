@@ -214,14 +214,11 @@ def level_of_file(test: MeasuredTest, number: int) -> float | None:
     MeasurementError
         The name does not have the form that the plan says, or several numbers fit, or it is not above 0.
     """
-    rule = test.level
-    if rule.value is not None:
-        return rule.value
-    if rule.values and len(rule.values) == len(test.files):
-        return rule.values[number]
+    if test.level_values and len(test.level_values) == len(test.files):
+        return test.level_values[number]
     # several values for one file belong to its entries
     file = test.files[number]
-    return None if rule.name is None else level_in_name(test, file.name, shown_path(file))
+    return None if test.level.name is None else level_in_name(test, file.name, shown_path(file))
 
 
 def level_in_name(test: MeasuredTest, name: str, label: str) -> float:

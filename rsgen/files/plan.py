@@ -423,9 +423,19 @@ class MeasuredTest(PlannedTest):
         """
         return 1.0 if self.level.labels else self._size(self.level, self.level_unit, self._unit_in_name)
 
+    @property
+    def level_values(self) -> tuple[float, ...]:
+        """Peak values of levels that the plan gives, one for each file or entry; () where it gives none."""
+        rule = self.level
+        said = rule.values if rule.value is None else (rule.value,) * len(self.files)
+        return said if rule.labels else tuple(one * self._peak(rule) for one in said)
+
+    def _peak(self, said: Channel | LevelRule) -> float:
+        # levels of a multisine are root mean squares themselves
+        return sqrt(2) if said.scale == "rms" and not self.many_lines else 1.0
+
     def _size(self, said: Channel | LevelRule, target: str, in_name: str = "") -> float:
-        unit = said.unit or in_name or target
-        peak = sqrt(2) if said.scale == "rms" else 1.0
+        unit, peak = said.unit or in_name or target, self._peak(said)
         if isinstance(said.factor, str):
             return sensor_factor(said.factor, unit, target) * peak
         size = quantity(f"1 {sensor_unit(unit, target)}", target if self.calibrated else None)

@@ -12,7 +12,7 @@ from rsgen import MultisineSpectra, RsgenError, load_surface, save_surface, sent
 from rsgen.data.oscillator import Model, Observation
 from rsgen.data.record_set import match_level
 from rsgen.files.files_to_surface import read_measurement
-from rsgen.files.plan import LevelRule, MeasuredTest
+from rsgen.files.plan import HistoryRule, LevelRule, MeasuredTest
 from rsgen.files.signals import Channel
 from rsgen.report.sentences import next_step
 from tests.measurement.tables import planned, read_planned, write_columns
@@ -89,6 +89,9 @@ AS_MEASURED, ALIKE = [4.8, 28.8, 58.0], {"1.csv": 5.0, "3.csv": 5.01, "9.csv": 4
     # levels stay where the force falls at the resonance
     ({"2N.csv": 2 * DIP, "5N.csv": 5 * DIP}, {"name": "{level}N.csv"}, [2, 5], {}),
     ({"a.csv": 2 * STEPS, "b.csv": 5 * STEPS}, {}, [2, 5], {}),
+    # root mean squares that a case gives
+    ({"a.csv": 2**0.5, "b.csv": 18**0.5}, {"values": (1, 3), "scale": "rms"}, [2**0.5, 18**0.5], {}),
+    ({"a.csv": 2**0.5, "b.csv": 1.42}, {"value": 1, "scale": "rms"}, [2**0.5], {}),
     # a unit behind the number in a name is that of the level; a length is no force
     ({"a_300mN.csv": 0.3, "a_500mN.csv": 0.5}, {"name": "a_{level}mN.csv"}, [0.3, 0.5], {}),
     ({"gap_1mm.csv": 30.0, "gap_3mm.csv": 50.0}, {"name": "gap_{level}mm.csv"}, [30.0, 50.0], INFO),
@@ -121,6 +124,13 @@ def test_levels_of_files(tmp_path, forces, rule, levels, said):
         for times in ("0.505 times as much at all levels", "nearly a factor of 2, as"):
             assert (times in sentence(found)) == (said == DOUBT)
         assert next_step(found).startswith("Look for a wrong unit of the force, a sensitivity")
+
+
+def test_levels_of_a_multisine_are_root_mean_squares_whatever_their_scale():
+    record, rule = Channel(samples=1), HistoryRule("multisine", rate=100.0)
+    level = LevelRule(values=(1.0, 3.0), scale="rms")
+    test = planned(("a", "b"), None, record, record, history=rule, phase_known=True, level=level)
+    assert (test.level_values, test.level_factor) == ((1.0, 3.0), 1.0)
 
 
 @pytest.mark.parametrize(("rule", "said"), [
