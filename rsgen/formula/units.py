@@ -381,17 +381,19 @@ def per_mass_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> per_mass_unit("N/m"), per_mass_unit("N*s^2/m^2"), per_mass_unit("m")
-    ('N/m/kg', 'N*s^2/m^2/kg', 'm')
+    >>> per_mass_unit("N/m"), per_mass_unit("N*s^2/m^2"), per_mass_unit("N^0.5/m^0.5")
+    ('N/m/kg', 'N*s^2/m^2/kg', '1/s')
     """
     if not unit:
         return unit
     # displacement and velocity contain no mass, so its power is that of the force
-    power = read_unit(unit).dimension.powers.get("kg", Fraction(0))
+    dimension = read_unit(unit).dimension
+    power = dimension.powers.get("kg", Fraction(0))
     if power == 0 or unit == "kg":
         return unit
-    mass = "kg" if abs(power) == 1 else f"kg^{abs(power)}" if power.denominator == 1 else f"kg^({abs(power)})"
-    return f"{unit}/{mass}" if power > 0 else f"{unit}*{mass}"
+    if abs(power) != 1:
+        return str(dimension / Dimension({"kg": power}))
+    return f"{unit}/kg" if power > 0 else f"{unit}*kg"
 
 
 @dataclass(frozen=True, slots=True)
