@@ -42,7 +42,7 @@ from rsgen.data.surface.response_surface import ResponseSurface
 from rsgen.dynamics.harmonic_balance import following_harmonics, hold_amplitude
 from rsgen.dynamics.linear_part import BackgroundTerms
 from rsgen.formula.names import symbol
-from rsgen.formula.units import ForceUnits
+from rsgen.formula.units import ForceUnits, unit_text
 from rsgen.identification.fitting.across import motions_of, sensor_noise
 from rsgen.identification.fitting.fit import Fit, fit_balance
 from rsgen.identification.fitting.least_squares import Regression
@@ -184,7 +184,7 @@ def points_at(level: Array, frequency: Array, unit: str) -> str:
     for one in np.unique(level):
         at = [f"{place:.5g}" for place in np.sort(frequency[level == one])]
         many = f"{len(at)} frequencies from {at[0]} to {at[-1]}"
-        texts.append(f"{one:.4g} {unit} at {' and '.join(at) if len(at) < 3 else many} Hz")
+        texts.append(f"{one:.4g} {unit_text(unit)} at {' and '.join(at) if len(at) < 3 else many} Hz")
     return "; ".join(texts[:_MAX_SINGLE_EXCLUDED] + ["other levels"] * (len(texts) > _MAX_SINGLE_EXCLUDED))
 
 

@@ -10,6 +10,7 @@ from rsgen.common.finding import Finding, Quantity
 from rsgen.formula.reading import parse
 from rsgen.identification.results import Estimate
 from rsgen.identification.results.estimates import damping_findings
+from rsgen.identification.soundness import points_at
 from rsgen.law.motion import sine_motion
 from rsgen.law.numeric import compile_law
 from tests.surfaces import MASS, beside, changed, errors, model, noisy, severities, surface
@@ -193,3 +194,4 @@ def test_points_beyond_a_fold_that_a_falling_force_holds_are_no_warning() -> Non
     assert (excluded.severity, excluded.names["by"]) == ("info", "fold")
     assert 2 <= excluded["excluded"] <= 5
     assert excluded.names["where"].startswith("1.2 N at")
+    assert points_at(np.array([0.3]), np.array([12.6]), "m/s^2") == "0.3 m/s² at 12.6 Hz"
