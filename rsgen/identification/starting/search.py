@@ -347,7 +347,7 @@ class _Search:
             # a slider may slip within the smallest motions
             smallest = max(motion.min(), 10.0 ** (-3 * DECADES) * motion.max())
             reach = max(DECADES, int(np.ceil(np.log10(motion.max() / smallest))))
-            size = self.natural[which] * np.logspace(-reach, reach, 12 * reach + 1)
+            size = self.natural[which] * np.logspace(-reach, DECADES, 12 * (reach + DECADES) // 2 + 1)
             return np.concatenate([size, -size])
         some = self._equations
         some = some.select(np.linspace(0, len(some.omega) - 1, 8).round().astype(np.intp))
