@@ -357,7 +357,7 @@ class Findings:
             why = {name: [f.parameter for f in of_parameters if of in f.names] for name, of in said}
             names = {name: " and ".join(of) for name, of in why.items() if of}
             found.append(Finding("not-converged", "doubt", names=names))
-        found += misfit_findings(self.surface, self.points, self.fit, wider, self.errors.others)
+        found += misfit_findings(self.surface, self.points, self.fit, self.errors.others)
         found += even_findings(self.fit)
         if self.surface.decays:
             used, motion = self.fit.regression.used, self.fit.motion

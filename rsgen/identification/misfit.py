@@ -101,7 +101,7 @@ def is_misread(test: ResponseSurface | MultisineSpectra) -> bool:
 
 
 def misfit_findings(
-    surface: ResponseSurface, points: Points, fit: Fit, wider: Array, others: Alternatives
+    surface: ResponseSurface, points: Points, fit: Fit, others: Alternatives
 ) -> list[Finding]:
     """Judge the misfit by its size, and say whose it is: of the noise, a fixed value, the law, a background.
 
@@ -114,8 +114,6 @@ def misfit_findings(
         All points of the test, and those that were fitted.
     fit
         The refined one.
-    wider
-        (q,) by how much the standard errors of its parameters are to be widened.
     others
         Alternatives to the fit, each to first order.
     """
@@ -146,7 +144,7 @@ def misfit_findings(
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
-    left_by = {kind: one.misfit_left(fit.regression, wider) for kind, one in backgrounds.items()}
+    left_by = {kind: misfit * one.left for kind, one in backgrounds.items()}
     if known and not surface.decays:
         off = channel_finding(fit, misfit, (left_by_term, left_by_cause), left_by, surface.base)
         if off := off or ratio_finding(fit, surface.base):

@@ -422,7 +422,7 @@ def _fit_offset(fit: Fit, noise: float) -> Alternative | None:
     columns = np.concatenate([matrix, column[:, :, None] / size], axis=2)
     free = np.flatnonzero(problem.free).tolist()
     equations = equations_of(fit, problem, residual, columns, noise)
-    return joint_alternatives(*equations, free, {"mean": [*free, count]}, count + 1)["mean"]
+    return joint_alternatives(*equations, free, {"mean": [*free, count]}, count + 1, residual.size)["mean"]
 
 
 def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
@@ -435,9 +435,10 @@ def fit_larger_backgrounds(fit: Fit, noise: float) -> dict[str, Alternative]:
         return {}
     problem, start = with_background(fit)
     seen, larger = problem.observed, problem.observed.background
-    equations = equations_of(fit, problem, *linearise_extended(fit, problem, start), noise)
+    residual, matrix = linearise_extended(fit, problem, start)
+    equations = equations_of(fit, problem, residual, matrix, noise)
     fitted = [name for name, kept in zip(larger.names, seen.fitted, strict=True) if kept]
-    return larger_backgrounds(*equations, fit.problem.free[:count], own, larger, fitted)
+    return larger_backgrounds(*equations, fit.problem.free[:count], own, larger, fitted, residual.size)
 
 
 LARGEST = BACKGROUNDS[-2] + OFFSET
@@ -473,19 +474,12 @@ def larger_backgrounds(
     own: BackgroundTerms,
     larger: BackgroundTerms,
     fitted: Collection[str],
+    rows_of_points: int | None = None,
 ) -> dict[str, Alternative]:
-    """Return each kind of background beyond that of a fit, to first order.
+    """Return each kind of background beyond that of a fit, ``own``, as ``joint_alternatives``.
 
-    Parameters
-    ----------
-    right, rows
-        (r,) residual and (r, q) slopes of unit variance; the last columns are the values of ``larger``.
-    free
-        (count,) False for fixed parameters of the law.
-    own, larger
-        The background of the fit, and the largest one.
-    fitted
-        Names of its values that are determined at all.
+    The last columns of ``rows`` (r, q) are the values of the ``larger`` background, of which those of the
+    names ``fitted`` are determined at all; ``free`` (count,) is False for fixed parameters of the law.
     """
     count, names, known = len(free), larger.names, own.names
 
@@ -497,29 +491,37 @@ def larger_backgrounds(
     kinds = (kind + ending for kind in BACKGROUNDS[1:-1] for ending in ("", OFFSET))
     more = {kind: background_terms(kind, larger.omega[:1], np.ones(1), larger.band).names for kind in kinds}
     groups = {kind: places(terms) for kind, terms in more.items() if set(terms) > set(known)}
-    return joint_alternatives(right, rows, places(known), groups, count)
+    return joint_alternatives(right, rows, places(known), groups, count, rows_of_points)
 
 
 def joint_alternatives(
-    right: Array, rows: Array, own: Sequence[int], groups: Mapping[str, Sequence[int]], count: int
+    right: Array,
+    rows: Array,
+    own: Sequence[int],
+    groups: Mapping[str, Sequence[int]],
+    count: int,
+    rows_of_points: int | None = None,
 ) -> dict[str, Alternative]:
     """Return fits to first order with groups of columns (r, q), which contain those of the fit, ``own``.
 
-    ``right`` and ``rows`` have unit variance; shifts are those of the first ``count`` columns.
+    ``right`` and ``rows`` have unit variance; shifts are those of the first ``count`` columns. Behind the
+    rows of points, all if None, are those of values that are known: the share that is left has none of them.
     """
 
-    def solve(columns: Sequence[int]) -> tuple[Array, Array, float]:
-        """Return the change of all columns, its variance, and the sum of squares that is left."""
+    def solve(columns: Sequence[int]) -> tuple[Array, Array, Array]:
+        """Return the change of all columns, its variance, and the squares (r,) that are left."""
         change, variance = np.zeros((2, rows.shape[1]))
         change[columns], inverse, _ = solve_scaled(rows[:, columns], right)
         variance[columns] = np.sum(inverse**2, axis=1)
-        return change[:count], variance[:count], float(np.sum((right - rows @ change) ** 2))
+        return change[:count], variance[:count], (right - rows @ change) ** 2
 
     (begin, least, square), found = solve(own), {}
     for name, columns in groups.items():
         change, variance, left = solve(columns)
-        gain, hidden = max(square - left, 0.0), np.sqrt(np.maximum(variance - least, 0.0))
-        found[name] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, len(columns) - len(own), hidden)
+        gain, hidden = max(np.sum(square) - np.sum(left), 0.0), np.sqrt(np.maximum(variance - least, 0.0))
+        share = np.sum(left[:rows_of_points]) / max(np.sum(square[:rows_of_points]), 1e-300)
+        more = len(columns) - len(own), hidden, float(np.sqrt(share))
+        found[name] = Alternative(float(np.sqrt(gain)), 1.0, change - begin, *more)
     return found
 
 

@@ -462,7 +462,7 @@ class PointRound(Round):
         """
         fit = self._fit_near(best)
         others, misfit = fit_larger_backgrounds(fit, fit.regression.sigma), fit.regression.rms_misfit
-        leaves = {kind: other.misfit_left(fit.regression, np.ones(1)) for kind, other in others.items()}
+        leaves = {kind: misfit * other.left for kind, other in others.items()}
         off = channel_finding(fit, misfit, (misfit,), leaves, self.test.base)
         if off is not None and "gain" in off.numbers:
             return off

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import exp
+from math import exp, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,7 @@ from rsgen.identification.fitting.points import Points
 class Alternative:
     """Columns added to a fit: value, standard error, parameters' shift (q,), and its errors if asked.
 
+    ``left`` is the share of the points' misfit that it leaves, if asked; a weighed mass is in the gain alone.
     A half of a test counts as one column: its gain is already that of the directions beyond noise alone.
     """
 
@@ -55,6 +56,7 @@ class Alternative:
     shift: Array
     columns: int = 1
     hidden: Array | None = None
+    left: float = nan
 
     @property
     def gain(self) -> float:
@@ -72,11 +74,6 @@ class Alternative:
     def exceeds(self, chance: float) -> bool:
         """Return True if noise alone gives so many columns such a gain less often."""
         return self.gain > chi_square_exceeded(self.columns, chance)
-
-    def misfit_left(self, found: Regression, wider: Array) -> float:
-        """Return the relative misfit of a fit that it leaves; standard errors are wider by (q,) factors."""
-        share = 1 - self.gain * np.median(wider) ** 2 / found.freedom
-        return found.rms_misfit * float(np.sqrt(max(share, 0.0)))
 
 
 def alternatives(
