@@ -166,7 +166,7 @@ def misfit_findings(
 
 
 def _noise_findings(surface: ResponseSurface, points: Points, fit: Fit) -> list[Finding]:
-    """Find a large misfit without a pattern, wrong fixed values, a ratio of channels behind a background."""
+    """Find a large misfit without a pattern, wrong fixed values, a fault of channels behind a background."""
     # one point a level shows no pattern either, and a loop holds each until its noise is gone
     patterns = len(points) >= _MIN_POINTS_OF_PATTERN and surface.control != "phase"
     misfit = fit.regression.rms_misfit

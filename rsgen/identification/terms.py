@@ -300,18 +300,18 @@ def blame_channel(
 
 
 def ratio_finding(fit: Fit, base: str) -> Finding | None:
-    """Find a gain of a channel of a driven ``base`` that explains what the background of a fit does.
+    """Find a delay, of a driven ``base`` a gain of a channel, that explains what the background does.
 
-    It is a ``channel_finding`` of the fit without the background, but for its phase error, and leaves no more
-    than noise above what the background, which has more values, leaves.
+    It is a ``channel_finding`` of the fit without the background, on a base but for its phase error, and
+    leaves no more than noise above what the background, which has more values, leaves.
     """
     own, misfit = fit.problem.observed.background, fit.regression.rms_misfit
-    if not base or len(own.names) <= 1:
+    if len(own.names) <= 1:
         return None
     few = fit.select(np.flatnonzero(fit.regression.used))
-    without = fit_near(*with_background(few, "phase"), order=fit.order)
+    without = fit_near(*with_background(few, BACKGROUNDS[bool(base)]), order=fit.order)
     off = channel_finding(without, without.regression.rms_misfit, (misfit,), {own.kind: misfit}, base)
-    if off is None or "gain" not in off.numbers:
+    if off is None or ("gain" if base else "delay") not in off.numbers:
         return None
     numbers = {**off.numbers, "behind": Quantity(misfit)}
     return replace(off, numbers=numbers, names={"background": own.kind})

@@ -208,6 +208,22 @@ def test_a_delay_between_the_channels_is_named_with_its_value(band, noise, delay
     # what a mass that gives way gains is no misfit of the points, which a background would explain
     weighed = rs.identify(late, CUBIC, mass=1.5, mass_error=0.01)
     assert only(weighed, "channels-delayed")["delay"] == pytest.approx(delay, rel=0.02)
+    # a background, which has more values, does not hide it
+    others = rs.Observation(background="residuals")
+    hidden = only(rs.identify(late, CUBIC, others), "channels-delayed")
+    assert hidden["delay"] == pytest.approx(delay, rel=0.02)
+    assert hidden["left"] < 1.05 * hidden["behind"]
+    right = fundamentals(test, test.harmonics[:, 1] + test.force / 6e5)
+    assert rs.identify(right, CUBIC, others).verdict.state == "identified"
+
+
+def test_a_delay_of_a_part_of_a_period_is_named_with_its_value_by_the_fit_that_is_advised():
+    test, delay = measured(CUBIC, HARDENING, [2.0, 5.0, 10.0]), 0.03
+    late = fundamentals(test, test.harmonics[:, 1] * np.exp(-1j * test.omega * delay))
+    said = only(rs.identify(late, LAW), "structure-feeds-exciter")
+    assert next_step(said).startswith('Identify with [identify] background = "phase"')
+    told = only(rs.identify(late, CUBIC, rs.Observation(background="phase")), "channels-delayed")
+    assert told["delay"] == pytest.approx(delay, rel=0.02)
 
 
 @pytest.mark.parametrize(("noise", "turn"), [(0.01, -0.05), (0.003, 0.05)])
