@@ -643,6 +643,18 @@ def test_a_level_whose_force_changes_is_predicted_at_its_forces():
     assert [item.level for item in prediction.fitted] == [3.0, 6.0, 16.0]
 
 
+def test_a_tested_level_has_the_force_at_its_largest_motion():
+    # a shaker loses 8 % near 18.3 Hz, and the largest motion of this softening law is near 16.9 Hz
+    test = simulated(CUBIC, STIFF | {"k3": -5e7}, 4 - np.arange(9) / 25, (16.3, 19.3, 46), 1.5,
+                     sweep="down", method="harmonic-balance")  # fmt: skip
+    wanted = 4 * (1 - 0.08 * np.exp(-(((test.frequency - 18.3) / 0.4) ** 2)))
+    table = test.select(np.abs(test.level - wanted) <= 0.02)
+    table = changed(table, level=np.full(len(table), 4.0))
+    (curve,) = predict(identify(table, CUBIC, mass=1.5))
+    assert curve.force == pytest.approx(4.0, rel=5e-3)
+    assert curve.largest[1] == pytest.approx(table.amplitude.max(), rel=1e-2)
+
+
 def test_a_free_decay_has_no_band_that_cuts_its_curves():
     time, damping, natural = np.arange(16000) / 1000, 0.4, np.sqrt(4000.0 - 0.16)
     motion = 4e-3 * np.exp(-damping * time) * np.cos(natural * time)

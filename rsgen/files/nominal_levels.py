@@ -21,7 +21,6 @@ from rsgen.data.surface.mode_findings import nearest_factor
 from rsgen.data.surface.plausibility import COMMON_FACTORS
 from rsgen.data.surface.response_surface import (
     ResponseSurface,
-    amounts_of_levels,
     control_findings,
     typical_amounts,
 )
@@ -265,6 +264,23 @@ _UNIT_OF_LABEL = re.compile(r"(?![_-]A)[ _-]?([munk]?[NVA]|lbf|[mu]m|g|dB|%)(?![
 """A unit right behind the number of a label, as the volts of a drive; in "sweep1_A" A is no ampere."""
 
 
+_QUANTILE_OF_LARGEST = 0.9
+"""Quantile that stands for the largest amount: single readings may be off."""
+
+
+def _amounts_of_levels(surface: ResponseSurface) -> tuple[Array, Array]:
+    """Return the median and the largest amount (l,) measured at each of ``surface.levels``, in their unit.
+
+    Shakers lose force near a resonance; the largest is what they give elsewhere. NaN where nothing settled.
+    """
+    amount = surface.amplitude if surface.response_held else surface.drive
+    found = np.where(surface.settled & (amount > 0), amount, np.nan)
+    rows = [found[(surface.level == level) & np.isfinite(found)] for level in surface.levels]
+    chosen = [0.5, _QUANTILE_OF_LARGEST]
+    median, largest = np.array([np.quantile(row, chosen) if len(row) else [np.nan] * 2 for row in rows]).T
+    return median, largest
+
+
 def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said: bool) -> ResponseSurface:
     """Call levels by what was measured where they are labels; say where nominal levels and forces disagree.
 
@@ -287,7 +303,7 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
         if any(finding.code == "levels-disagree" for finding in surface.findings):
             # of two runs that were driven differently there is no typical amount
             return surface
-        median, largest = amounts_of_levels(surface)
+        median, largest = _amounts_of_levels(surface)
         swapped = swapped_levels(levels, median, 1 + _MAX_LEVEL_SPREAD, unit)
         if swapped and np.all(np.abs(np.log(np.sort(median) / levels)) < np.log(LEVEL_TOLERANCE)):
             measured = levels[np.argsort(np.argsort(median))]

@@ -181,7 +181,7 @@ def equivalent_curve(
 
 
 def force_levels(surface: ResponseSurface, points: Points, resonances: tuple[Resonance, ...]) -> Array:
-    """Return the force levels [N] near the resonances; with response control those computed from c(X)."""
+    """Return the force levels [N] at the largest motions; with response control those computed from c(X)."""
     if not surface.response_held:
         return np.unique(typical_amounts(surface.select(points.index)))
     needed = [abs(r.damping) * 2 * np.pi * r.frequency * r.amplitude for r in resonances]

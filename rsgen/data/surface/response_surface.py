@@ -50,6 +50,18 @@ def within_half_power(force: ComplexArray, response: ComplexArray) -> NDArray[np
     return np.asarray(np.abs(stiffness.imag) > HALF_POWER * np.abs(stiffness))
 
 
+def force_at_largest(amplitude: Array, force: Array | ComplexArray) -> float:
+    """Return the median magnitude of the forces (n,) at the largest motion of a level: of five points there.
+
+    They have the largest X^2/|F|: where the force of a shaker changes along the curve, X alone is largest
+    off the resonance, towards a larger force, and X/|F| alone also at smaller motions, with less damping.
+    """
+    size = np.abs(force)
+    near = np.flatnonzero(amplitude >= HALF_POWER * np.max(amplitude))
+    near = near[np.argsort((amplitude**2 / size)[near])[-5:]]
+    return float(np.median(size[near]))
+
+
 _MIN_RANGE_IF_FREE = 0.5
 """Relative range, from the 10 to the 90 per cent quantile, of an amount that is not controlled."""
 
@@ -83,8 +95,8 @@ def control_findings(surface: ResponseSurface) -> list[Finding]:
 def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Array:
     """Return the measured amount of each of ``surface.levels``: a force [N], or a controlled amplitude [m].
 
-    The force is the median near the resonance, where shaker force drops. NaN where no point of the level
-    settled. ``amount`` (n,) replaces the magnitude of the force.
+    The force is the one under the largest motions. NaN where no point of the level settled. ``amount`` (n,)
+    replaces the magnitude of the force.
     """
     size, force = surface.amplitude, np.abs(surface.force) if amount is None else amount
     good = surface.settled & np.isfinite(size) & np.isfinite(force) & (force > 0)
@@ -93,8 +105,8 @@ def typical_amounts(surface: ResponseSurface, amount: Array | None = None) -> Ar
         at = np.flatnonzero(good & (surface.level == level))
         if not len(at):
             continue
-        near = at[size[at] >= HALF_POWER * size[at].max()]
-        value = float(np.median(size[at] if surface.response_held else force[near]))
+        held = surface.response_held
+        value = float(np.median(size[at])) if held else force_at_largest(size[at], force[at])
         found[number] = level if abs(value - level) <= FILE_ROUND_OFF * abs(level) else value
     return found
 
@@ -104,23 +116,6 @@ def within(surface: ResponseSurface, band: tuple[float, float] | None) -> Respon
     if band is None:
         return surface
     return surface.select((surface.frequency >= band[0]) & (surface.frequency <= band[1]))
-
-
-_QUANTILE_OF_LARGEST = 0.9
-"""Quantile that stands for the largest amount: single readings may be off."""
-
-
-def amounts_of_levels(surface: ResponseSurface) -> tuple[Array, Array]:
-    """Return the median and the largest amount (l,) measured at each of ``surface.levels``, in their unit.
-
-    Shakers lose force near a resonance; the largest is what they give elsewhere. NaN where nothing settled.
-    """
-    amount = surface.amplitude if surface.response_held else surface.drive
-    found = np.where(surface.settled & (amount > 0), amount, np.nan)
-    rows = [found[(surface.level == level) & np.isfinite(found)] for level in surface.levels]
-    chosen = [0.5, _QUANTILE_OF_LARGEST]
-    median, largest = np.array([np.quantile(row, chosen) if len(row) else [np.nan] * 2 for row in rows]).T
-    return median, largest
 
 
 _CONTROLLED = {

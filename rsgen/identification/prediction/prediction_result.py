@@ -30,7 +30,7 @@ from rsgen.common.tolerances import (
 from rsgen.data.multisine.spectra import MultisineSpectra
 from rsgen.data.record_set import level_name, match_level
 from rsgen.data.surface.mode_findings import force_rise
-from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface
+from rsgen.data.surface.response_surface import ResponseSurface, force_at_largest
 from rsgen.formula.units import quantity_text
 from rsgen.identification.fitting.points import Points
 from rsgen.identification.results import Identification
@@ -249,8 +249,8 @@ class HeldOutLevel(_Predicted):
         Number of points without a predicted steady state near the measured one; of a decay, and where the
         test held the amplitude, without any.
     force
-        Measured force near the resonance, for which the curve of the level is predicted; NaN with response
-        control.
+        Measured force at the largest motion, for which the curve of the level is predicted; NaN with
+        response control.
     force_unit
         "N", or "m/s^2" where parameters and forces are per unit mass.
     explained
@@ -378,14 +378,13 @@ def held_by_label(found: Identification, test: ResponseSurface | MultisineSpectr
 
 
 def _runs(found: Identification) -> Iterator[tuple[Points, float]]:
-    """Yield the points of each fitted level and their force near the resonance; none if no force was held."""
+    """Yield the points of each fitted level and the force at the largest motion; none if none was held."""
     if found.fit is None or found.curve.level_unit == "m":
         return
     points = found.fit.problem.observed.points
     for level in np.unique(points.level):
         run = points.select(points.level == level)
-        near = run.amplitude >= HALF_POWER * run.amplitude.max()
-        yield run, float(np.median(np.abs(run.force[near])))
+        yield run, force_at_largest(run.amplitude, run.force)
 
 
 def points_under(found: Identification, force: float) -> Points | None:

@@ -99,7 +99,7 @@ def predict(
         no law and end at its largest amplitude.
     levels
         Amplitudes of the force [N], or of the acceleration [m/s^2] of a driven base, not names of levels;
-        None: those near the resonances of the fitted and the held-out levels.
+        None: those at the largest motions of the fitted and the held-out levels.
     surface
         Where the held-out levels were measured; None: no score. Of a multisine every record of these spectra
         is predicted, None: those of the held-out levels. Curves are of ``levels`` asked for alone, each the
@@ -578,7 +578,7 @@ def shown_levels(
 ) -> list[float] | None:
     """Choose the levels of the curves that a report shows, as ``predict`` takes them.
 
-    They are the amounts near the resonances of at most five tested levels and of all that were held out, and
+    They are the amounts at the largest motions of at most five tested levels and of all held-out ones, and
     the levels that the observation asks for; of these none that was tested. None: no other than the default.
     """
     if identification.model.sensors:

@@ -164,8 +164,8 @@ def _responses_caption(
     names = [quantity_text(size, surface.level_unit, 3) for size in (force, level)]
     if names[0] != names[1]:
         caption += (
-            f" A line has the force near the resonance of its level, such as {names[0]} at level {names[1]}; "
-            "points away from the resonance had another one."
+            f" A line has the force at the largest motion of its level, such as {names[0]} at level "
+            f"{names[1]}; other points had another one."
         )
     return caption
 
@@ -223,7 +223,7 @@ def _limit(
 
 
 def _curves_of(curves: Sequence[ResonanceCurve], surface: ResponseSurface) -> dict[float, ResonanceCurve]:
-    """Return the curve at each level that has one: at the nearest of the forces measured near resonance."""
+    """Return the curve at each level that has one: at the nearest of the forces at the largest motions."""
     found = dict[float, tuple[float, ResonanceCurve]]()
     levels, forces = surface.levels, typical_amounts(surface)
     for curve in curves:
@@ -243,7 +243,7 @@ def _level_text(item: HeldOutLevel) -> str:
     symbol = held.get(item.level_unit, "base")
     name = f"{symbol} = {item.name}"
     if abs(item.force - item.level) > RELATIVE_CHANGE_NEGLIGIBLE * item.level:
-        name += f" ({quantity_text(item.force, item.force_unit, 3)} near the resonance)"
+        name += f" ({quantity_text(item.force, item.force_unit, 3)} at the largest motion)"
     return name
 
 
