@@ -547,6 +547,8 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     assert ("swept" in said.numbers) is not reaches
     own = simulated(*soft, [0.3], (9.7, 9.94, 61), sweep=way)
     assert said["amplitude" if reaches else "swept"] == pytest.approx(own.amplitude.max(), rel=0.01)
+    swept = predict(found, [0.3]).table.rows[0][5].split(" / ")
+    assert float(swept[reaches]) == pytest.approx(own.amplitude.max(), rel=0.01)
     fell = own.frequency < 9.758 if reaches else own.frequency > 9.902
     curve = predict(found, [0.3])[0.3]
     (led,) = (jump for jump in curve.jumps if jump.sweep == way)

@@ -249,8 +249,7 @@ class HeldOutLevel(_Predicted):
         Number of points without a predicted steady state near the measured one; of a decay, and where the
         test held the amplitude, without any.
     force
-        Measured force at the largest motion, for which the curve of the level is predicted; NaN with
-        response control.
+        Measured force at the largest motion, that of the curve of the level; NaN with response control.
     force_unit
         "N", or "m/s^2" where parameters and forces are per unit mass.
     explained
@@ -543,27 +542,29 @@ class Prediction(Printed):
             return TextTable(of_records, tuple(scores), notes=tuple(map(str, self.findings)))
         rows = []
         for curve in self:
-            highest, extrapolated, travel, jumps = [short(nan)] * 3, "", short(nan), ""
+            highest, extrapolated, jumps = [short(nan)] * 5, "", ""
             if len(curve.frequency):
-                top = int(np.nanargmax(curve.amplitude))
                 (slow, fast), (at, size, low, high) = curve.peak_interval, curve.largest
                 band = f"{short(low)} to {short(high)}" if low < high else ""
                 digits = with_error(at, (fast - slow) / (2 * interval_sigmas())) if slow < fast else 5
                 around = f" ({slow:.{digits}g} to {fast:.{digits}g})" if slow < fast else ""
+                around += ", still rising" if curve.rises_at_end else ""
+                known, ends = stable_rows(curve), (np.nanmin(curve.frequency), np.nanmax(curve.frequency))
+                ways = ("up", "down") if len(curve.folds) else ()
+                swept = " / ".join(short(_swept_through(known, ends, way)[:, 1].max()) for way in ways)
                 highest = [short(size), band, f"{at:.{digits}g}{around}"]
-                travel = "{} to {}".format(*map(short, curve.travel))
+                highest += ["{} to {}".format(*map(short, curve.travel)), swept]
                 jumps = ", ".join(jump.in_words() for jump in curve.jumps) or "none"
-                highest[2] += ", still rising" if curve.rises_at_end else ""
                 # the flanks of a curve lie below every tested amplitude, whatever its level
-                extrapolated = "yes" if curve.extrapolated[top] else "no"
-            rows.append((short(curve.level), *highest, travel, jumps, extrapolated))
-        unit = self.curves[0].level_unit if self.curves else "N"
+                extrapolated = "yes" if curve.extrapolated[np.nanargmax(curve.amplitude)] else "no"
+            rows.append((short(curve.level), *highest, jumps, extrapolated))
         heads = (
-            f"level [{unit}]",
+            f"level [{self.curves[0].level_unit if self.curves else 'N'}]",
             "largest fundamental [m]",
             f"{CONFIDENCE_TEXT} band",
             f"at [Hz] ({CONFIDENCE_TEXT} interval)",
             "motion there [m]",
+            "largest in a sweep up / down [m]",
             f"jumps at [Hz] ({CONFIDENCE_TEXT} interval), sweep (to, settled)",
             "extrapolated",
         )
