@@ -645,16 +645,20 @@ def test_a_level_whose_force_changes_is_predicted_at_its_forces():
     assert [item.level for item in prediction.fitted] == [3.0, 6.0, 16.0]
 
 
-def test_a_tested_level_has_the_force_at_its_largest_motion():
-    # a shaker loses 8 % near 17.6 Hz, and the largest motion of this softening law is near 16.9 Hz
-    test = simulated(CUBIC, STIFF | {"k3": -5e7}, 4 - np.arange(9) / 25, (16.3, 19.3, 46), 1.5,
+def test_a_tested_level_has_the_force_at_its_largest_motion_and_its_energy_is_that_of_all_harmonics():
+    # a shaker loses 8 % near 12.75 Hz, and the largest motion of this softening law is near 11.8 Hz
+    law, values = f"{CUBIC} + cq*v*abs(v)", {"k": 15800.0, "k3": -1.45e8, "c": 3.1, "cq": 22.0}
+    test = simulated(law, values, 5 - np.arange(9) / 20, (11, 14.5, 57), 2.21,
                      sweep="down", method="harmonic-balance")  # fmt: skip
-    wanted = 4 * (1 - 0.08 * np.exp(-(((test.frequency - 17.6) / 0.4) ** 2)))
-    table = test.select(np.abs(test.level - wanted) <= 0.02)
-    table = changed(table, level=np.full(len(table), 4.0))
-    (curve,) = predict(identify(table, CUBIC, mass=1.5))
-    assert curve.force == pytest.approx(4.0, rel=5e-3)
+    wanted = 5 * (1 - 0.08 * np.exp(-(((test.frequency - 12.75) / 0.4) ** 2)))
+    table = test.select(np.abs(test.level - wanted) <= 0.025)
+    table = changed(table, level=np.full(len(table), 5.0))
+    found = identify(table, law, mass=2.21)
+    (curve,) = predict(found)
+    assert curve.force == pytest.approx(5.0, rel=5e-3)
     assert curve.largest[1] == pytest.approx(table.amplitude.max(), rel=1e-2)
+    measured, refined = measured_energy(table), dissipated_energy(found)
+    assert refined.energy[-1] == pytest.approx(measured.energy[-1], rel=0.01)
 
 
 def test_a_free_decay_has_no_band_that_cuts_its_curves():

@@ -447,7 +447,7 @@ def measured_energy(surface: ResponseSurface) -> Energy:
 
 
 def dissipated_energy(identification: Identification, values: Mapping[str, float] | None = None) -> Energy:
-    """Return D(X) = pi omega c(X, omega) X^2 along the resonance of a model, over the tested amplitudes.
+    """Return D(X) = pi omega c(X, omega) X^2 along the ``smooth_backbone``, over the tested amplitudes.
 
     Parameters
     ----------
@@ -461,7 +461,7 @@ def dissipated_energy(identification: Identification, values: Mapping[str, float
     if not tested.size or tested[0] == tested[-1]:
         return _fitted(none, none)
     grid = np.geomspace(tested[0], tested[-1], len(tested))
-    found = backbone(identification, solution_of(identification) if values is None else values, grid)
+    found = smooth_backbone(identification, grid, values)
     energy = np.pi * found.omega * found.damping * grid**2
     known = np.isfinite(energy) & (energy > 0)
     return _fitted(grid[known], energy[known])

@@ -71,7 +71,8 @@ def draw_forces(
         axes.set_ylabel(y.label(f"{what.capitalize()} force"))
     caption = "Forces of springs and of dampers over the tested range"
     if restoring is not None:
-        caption += f", and the nonparametric restoring force where known (points, {CONFIDENCE_TEXT} band)"
+        caption += f", and the nonparametric restoring force where known (points, {CONFIDENCE_TEXT} band): "
+        caption += "that of motions without higher harmonics, which these move off the line"
     return drawing.Drawing("forces", figure, f"{caption}.", ax is None)
 
 
