@@ -72,7 +72,7 @@ def draw_forces(
     caption = "Forces of springs and of dampers over the tested range"
     if restoring is not None:
         caption += f", and the nonparametric restoring force where known (points, {CONFIDENCE_TEXT} band): "
-        caption += "that of motions without higher harmonics, which these move off the line"
+        caption += "read as of motions without higher harmonics; strong ones move the points off the lines"
     return drawing.Drawing("forces", figure, f"{caption}.", ax is None)
 
 
