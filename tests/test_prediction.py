@@ -709,6 +709,15 @@ def test_how_to_reach_a_peak_follows_from_sweep_and_law(sweep: str, way: str, sa
     assert found.verdict.state == ("doubtful" if (sweep, said) == ("up", "down") else "identified")
 
 
+def test_sweeps_said_to_be_one_way_are_judged_each_and_points_left_out_are_no_jump():
+    up, down = buckled("up"), simulated(*BUCKLED, [1.0, 3.5], (19.1, 28.9, 50), 0.95, sweep="down")
+    found = identify(replace(joined(down, up), sweep="down"), BUCKLED[0])
+    assert only(found, "direction-from-branch").names["rows"] == "up"
+    assert found.verdict.state == "doubtful"
+    found = identify(up.select((up.frequency < 23.1) | (up.frequency > 24.1)), BUCKLED[0])
+    assert "direction-from-branch" not in codes(found)
+
+
 def test_a_sweep_that_fell_early_is_to_take_smaller_steps():
     up, down = buckled("up"), buckled("down")
     fell = np.where((up.frequency < 24.7)[:, None], up.harmonics, down.harmonics)

@@ -25,6 +25,7 @@ from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import ANY_LAW, MISFIT_EXPLAINED, RELATIVE_ERROR_DOUBTFUL, SAMPLES_PER_PERIOD
 from rsgen.data.free_mode import estimate_mass, steady
 from rsgen.data.oscillator import Model, Oscillator
+from rsgen.data.surface.columns import MIN_TURN, monotone_runs
 from rsgen.describing.derivation import derive
 from rsgen.identification.fitting.fit import Fit, Solution
 from rsgen.identification.fitting.points import Points, at_resonance_alone, mass_sure
@@ -218,31 +219,38 @@ def resonance_findings(
 def branch_findings(points: Points, fit: Fit, unit: str) -> list[Finding]:
     """Find a sweep that jumps to a larger motion where, by the law, the smaller one goes on; none or one.
 
-    It goes on where motions between both need more than the force. ``unit`` is that of a level.
+    It goes on where motions between both need more than the force, on the side of resonance of the smaller.
+    Where the frequency turns in the order of the rows, another sweep begins. ``unit`` is that of a level.
     """
-    law, share = fit.problem.law, np.linspace(0, 1, 33)
+    law, share, parts = fit.problem.law, np.linspace(0, 1, 33), list[tuple[NDArray[np.intp], str]]()
     # a sine has not the mean that an asymmetric law gives the motion
     if law.acts_across or not law.odd or fit.regression.rms_misfit > MISFIT_EXPLAINED:
         return []
-    for run in reversed(points.runs):
+    for rows in map(np.sort, reversed(points.runs)):
+        turns = monotone_runs(points.omega[rows], MIN_TURN)
+        parts += [(rows[start:stop], told) for start, stop, told in turns]
+    for run, told in parts:
         way = str(points.sweep[run[0]])
-        order = run[::-1] if way == "down" else run
+        order = run[np.argsort(points.omega[run])][:: -1 if way == "down" else 1]
         size, force = points.amplitude[order], np.abs(points.force[order])
         rise = size[1:] / size[:-1]
         at = int(np.argmax(rise)) if len(rise) else 0
         # further on, near the upward jump, little more than the force is needed
-        here = slice(at + 1, at + 3)
+        here = slice(at, at + 3)
         held = np.ptp(force) < RELATIVE_ERROR_DOUBTFUL * force.max()
-        if way == "rest" or len(size[here]) < 2 or rise[at] < MIN_JUMP_RATIO or not held:
+        if way == "rest" or len(size[here]) < 3 or rise[at] < MIN_JUMP_RATIO or not held:
             continue
         sizes = (size[at] + np.outer(size[here] - size[at], share)).ravel()
         sine = sine_motion(np.repeat(points.omega[order[here]], len(share)), sizes)
         spring = harmonics_of(law.along(sine, fit.values, SAMPLES_PER_PERIOD).force, 2)[:, 1]
-        needed = np.abs(spring - fit.mass * sine.omega**2 * sizes).reshape(2, -1).max(axis=1)
-        if np.all(needed > (1 + RELATIVE_ERROR_DOUBTFUL) * force[here]):
+        needed = (spring - fit.mass * sine.omega**2 * sizes).reshape(3, -1)
+        same_side = needed.real * needed[0, 0].real > 0
+        between = np.where(same_side, np.abs(needed), 0)[1:].max(axis=1)
+        if np.all(between > (1 + RELATIVE_ERROR_DOUBTFUL) * force[here][1:]):
             numbers = {"level": Quantity(float(points.level[run[0]]), unit)}
             numbers |= quantities("Hz", frequency=float(points.omega[order[at + 1]]) / (2 * np.pi))
-            return [Finding("direction-from-branch", "doubt", "", numbers, {"by": "branch", "sweep": way})]
+            names = {"by": "branch", "sweep": way, "rows": told}
+            return [Finding("direction-from-branch", "doubt", "", numbers, names)]
     return []
 
 
