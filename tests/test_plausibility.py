@@ -65,16 +65,23 @@ def test_levels_that_are_another_multiple_of_their_forces_are_named_in_one_findi
     assert [found[0]["level"], found[0]["force"]] == pytest.approx([5.4, 10.8])
 
 
-@pytest.mark.parametrize("factor", [1.9, 0.506])
-def test_forces_of_one_proportion_to_all_levels_are_named(factor):
+@pytest.mark.parametrize("lost", [0.0, 0.08, 0.6])
+@pytest.mark.parametrize(("factor", "near"), [
+    (1.8, None), (1.6, None), (1 / 1.6, None), (2, "peak-to-peak"), (0.506, "peak-to-peak"), (2**0.5, "rms"),
+    (0.7, "rms"),
+])  # fmt: skip
+def test_forces_of_one_proportion_to_all_levels_are_named(factor, near, lost):
+    """A shaker loses force near the resonance, the more of it the higher the level."""
     surface = cubic_surface()
-    (found,) = level_findings(fundamentals(surface, force=factor * surface.force))
-    assert (found.code, found.severity) == ("levels-in-other-unit", "warning")
-    assert found["force"] == pytest.approx(12 * factor)
+    force = factor * (1 - lost * (surface.amplitude / surface.amplitude.max()) ** 4) * surface.force
+    (said,) = level_findings(fundamentals(surface, force=force))
+    assert (said.code, said.severity) == ("levels-in-other-unit", "doubt" if near else "warning")
+    assert said.names.get("near") == near
+    assert said["force"] / said["level"] == pytest.approx(said["ratio"]) == pytest.approx(factor, rel=0.05)
 
 
 @pytest.mark.parametrize("lost", [0.3, 0.7])
-@pytest.mark.parametrize("factor", [1.0, 0.75, 1.3])
+@pytest.mark.parametrize("factor", [1.0, 0.8, 1.3])
 def test_forces_that_fall_at_the_resonance_or_are_near_their_levels_are_as_they_should_be(factor, lost):
     """Levels are also called by the force near the resonance, which is lower than most."""
     surface = cubic_surface()

@@ -17,8 +17,7 @@ from rsgen.common.finding import Finding, Quantity, quantities
 from rsgen.common.tolerances import RELATIVE_CHANGE_NEGLIGIBLE
 from rsgen.data.record_set import LEVEL_DIGITS, LEVEL_TOLERANCE, MIN_POINTS_OF_RUN, swapped_levels
 from rsgen.data.surface.columns import MIN_TURN, group_forces, monotone_runs
-from rsgen.data.surface.mode_findings import nearest_factor
-from rsgen.data.surface.plausibility import COMMON_FACTORS
+from rsgen.data.surface.plausibility import COMMON_FACTORS, nearest_factor
 from rsgen.data.surface.response_surface import (
     ResponseSurface,
     control_findings,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from math import nan, pi
@@ -24,7 +24,7 @@ from rsgen.data.free_mode import Kinematics, estimate_mass, fit_mode, hats, stea
 from rsgen.data.history.record import MAX_LEVEL_SPREAD
 from rsgen.data.record_set import LEVEL_TOLERANCE, MIN_POINTS_OF_RUN
 from rsgen.data.surface.columns import group_forces
-from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points, usable_points
+from rsgen.data.surface.plausibility import COMMON_FACTORS, driven_points, nearest_factor, usable_points
 from rsgen.data.surface.response_surface import HALF_POWER, ResponseSurface, without_copies
 
 _FACTORS_OF_MASS = {
@@ -260,13 +260,6 @@ def _of_mass(force: ComplexArray, motion: Kinematics, given: float) -> list[Find
     times = abs(moved) / max(free.mass_error, np.finfo(float).tiny)
     found = fixed_contradicted("m", given, moved, misfit=misfit, left=left, times=times)
     return [replace(found, names={**found.names, "by": "any law"})]
-
-
-def nearest_factor(ratio: float, factors: Mapping[str, float]) -> dict[str, str]:
-    """Return the factor that a ratio, or its inverse, nearly is, as the name "near" of a finding, or {}."""
-    off = {word: abs(abs(np.log(ratio)) - np.log(by)) for word, by in factors.items() if ratio > 0}
-    word = min(off, key=off.__getitem__, default="")
-    return {"near": word} if word and off[word] < RELATIVE_ERROR_DOUBTFUL / 2 else {}
 
 
 def fixed_contradicted(

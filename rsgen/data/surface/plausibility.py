@@ -14,7 +14,7 @@ equation, and reading it rightly mends it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from itertools import product
 from math import nan, pi
@@ -28,6 +28,7 @@ from rsgen.common.tolerances import (
     MIN_MISFIT_REDUCTION,
     MISFIT_EXPLAINED,
     RELATIVE_CHANGE_NEGLIGIBLE,
+    RELATIVE_ERROR_DOUBTFUL,
 )
 from rsgen.data.free_mode import fit_powers
 from rsgen.data.record_set import (
@@ -213,18 +214,7 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
     names = {"by": "amplitude"} if held else {}
     if not held:
         yield from misnamed_levels(levels, typical, surface.findings)
-    # shakers lose force near a resonance: a level between the forces there and the largest is as it should be
-    near = typical_amounts(surface.select(rows[level > 0]))
-    measured = np.stack([near, *np.array([np.quantile(force[level == one], [0.1, 0.9]) for one in levels]).T])
-    ratio = np.log(np.clip(levels, measured.min(axis=0), measured.max(axis=0)) / levels)
-    if len(levels) > 1 and np.ptp(ratio) < (tolerance := np.log(LEVEL_TOLERANCE)):
-        thousands = np.rint(np.median(ratio) / np.log(1000)) * np.log(1000)
-        kilo = thousands and np.max(np.abs(ratio - thousands)) < tolerance
-        rms = np.max(np.abs(np.abs(ratio) - np.log(2) / 2)) < np.log(1 + RELATIVE_CHANGE_NEGLIGIBLE)
-        if rms or np.min(np.abs(ratio)) > tolerance:
-            numbers = quantities(unit, level=levels[-1], force=typical[-1])
-            numbers["ratio"] = Quantity(float(np.exp(np.median(ratio))))
-            yield Finding("levels-in-other-unit", "doubt" if kilo else "warning", "", numbers, names)
+    yield from _levels_in_other_unit(surface.select(rows[level > 0]), force[level > 0], names)
     order = np.lexsort((surface.frequency[rows], surface.sweep[rows], level))
     size, level, sweep = np.log(force[order]), level[order], surface.sweep[rows][order]
     step = np.abs(np.diff(size))[(level[1:] == level[:-1]) & (sweep[1:] == sweep[:-1])]
@@ -244,6 +234,33 @@ def level_findings(surface: ResponseSurface) -> Iterator[Finding]:
         test = surface.select(usable_points(surface, at_rest=True))
         columns = test.level, test.sweep, test.frequency, test.force, test.harmonics[:, 1]
         yield from responses_of_others(*columns, COMMON_FACTORS)
+
+
+def _levels_in_other_unit(surface: ResponseSurface, force: Array, names: dict[str, str]) -> Iterator[Finding]:
+    """Return a finding if forces (n,) or held amplitudes far from the resonance are levels times one factor.
+
+    Shakers lose force near a resonance: a level within what it has there, or near that, is right.
+    """
+    if len(levels := surface.levels) < 2:
+        return
+    ends = [np.quantile(force[surface.level == one], [0.1, 0.9]) for one in levels]
+    measured = np.column_stack([typical_amounts(surface), ends]).T
+    least = np.log(np.clip(levels, measured.min(axis=0), measured.max(axis=0)) / levels)
+    off = np.log(measured[2] / levels)
+    # levels that have their names from forces near the resonance are in one proportion to these
+    apart = np.ptp(np.log(measured[0] / levels)) > 2 * RELATIVE_ERROR_DOUBTFUL
+    if not (apart or np.any(np.abs(least) > MIN_MISFIT_REDUCTION * np.abs(off))):
+        return
+    factors = {name: COMMON_FACTORS[name] for name in ("rms", "peak-to-peak")}
+    kinds = [nearest_factor(float(times), factors) for times in np.exp(off)]
+    near, tolerance = kinds[0] if kinds.count(kinds[0]) == len(kinds) else {}, np.log(LEVEL_TOLERANCE)
+    if np.ptp(off) > tolerance or not (near or np.min(np.abs(off)) > tolerance):
+        return
+    thousands = np.rint(np.median(off) / np.log(1000)) * np.log(1000)
+    kilo = thousands and np.max(np.abs(off - thousands)) < tolerance
+    numbers = quantities(surface.level_unit, level=levels[-1], force=measured[2, -1])
+    numbers["ratio"] = Quantity(float(np.exp(off[-1])))
+    yield Finding("levels-in-other-unit", "doubt" if kilo or near else "warning", "", numbers, names | near)
 
 
 def size_findings(sizes: Sizes) -> Iterator[Finding]:
@@ -344,6 +361,14 @@ _UNIT_FACTORS = {"gravity": 9.80665, "milli": 1000.0, "both": 9806.65}
 COMMON_FACTORS = _UNIT_FACTORS | {"rms": 2**0.5, "peak-to-peak": 2.0, "radian": 4 * pi**2}
 """Factors by which a channel is too large or too small if its unit, or the kind of its amplitudes, is
 misread; and an acceleration against a displacement, or a mass, if frequencies are."""
+
+
+def nearest_factor(ratio: float, factors: Mapping[str, float]) -> dict[str, str]:
+    """Return the factor that a ratio, or its inverse, nearly is, as the name "near" of a finding, or {}."""
+    off = {word: abs(abs(np.log(ratio)) - np.log(by)) for word, by in factors.items() if ratio > 0}
+    word = min(off, key=off.__getitem__, default="")
+    return {"near": word} if word and off[word] < RELATIVE_ERROR_DOUBTFUL / 2 else {}
+
 
 _LEAST_MOTION = 0.01
 """Relative motion below which friction may hold the mass, if most points move more."""
