@@ -140,12 +140,13 @@ def misfit_findings(
     # a wrong fixed value is no other gain of a single level that takes up most, and no fault of the law
     alone = "gain" in gain and left_by_cause < (1 - MIN_MISFIT_REDUCTION) * misfit
     most = left_by_cause if alone else min(left_by_term, MISFIT_EXPLAINED if rejected else inf)
-    if known and not surface.decays and (fixed := _contradicted(surface, fit, most)):
+    compared = known and not surface.decays
+    if compared and (fixed := _contradicted(surface, fit, most, law_fits=severity == "warning")):
         return [replace(finding, severity=severity) for finding in fixed] if rejected else fixed
     # an offset of the sensor is simpler than any background
     backgrounds = {**others.kinds.get("offset of the sensor", {}), **others.kinds["background"]}
     left_by = {kind: misfit * one.left for kind, one in backgrounds.items()}
-    if known and not surface.decays:
+    if compared:
         off = channel_finding(fit, misfit, (left_by_term, left_by_cause), left_by, surface.base)
         if off := off or ratio_finding(fit, surface.base):
             return [replace(off, severity=severity if rejected else "doubt")]
@@ -291,10 +292,11 @@ def consequences(fit: Fit, name: str) -> set[str]:
     return converged if agreement.findings else {*converged, "parts-disagree"}
 
 
-def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Finding]:
+def _contradicted(surface: ResponseSurface, fit: Fit, left: float, *, law_fits: bool = True) -> list[Finding]:
     """Find given values that the points contradict: another leaves less misfit than a term (``left``) does.
 
-    A weighed mass is compared with that of the points alone. The kilogram of a force per mass was not given.
+    A weighed mass is compared with that of the points alone, where the law fits: a pattern below a hundredth
+    moves it by less than a hundredth. The kilogram of a force per mass was not given.
     """
     weighed = fit.problem.observed.points.weighed
     if not (fit.problem.known_values and (weighed or fit.regression.rms_misfit > MISFIT_NEGLIGIBLE)):
@@ -321,7 +323,7 @@ def _contradicted(surface: ResponseSurface, fit: Fit, left: float) -> list[Findi
         moves = {} if far else largest_move(kept.parameters, free, names)
         clear = gain > MIN_SIGNIFICANT_GAIN and times > STANDARD_ERRORS_OF_DIFFERENCE and leaves <= left
         # a mass gives way to the points as far as its error lets it
-        off = error > 0 and times > NOISE_LIMIT_SIGMAS and not fit.systematic
+        off = error > 0 and times > NOISE_LIMIT_SIGMAS and law_fits and (far or not fit.systematic)
         if off or (clear and (far or moves)):
             one = fixed_contradicted(name, given, moved, misfit=size, left=leaves, times=times, error=error)
             found.append(replace(one, names={**one.names, **moves}))

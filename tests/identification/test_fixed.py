@@ -412,6 +412,13 @@ def test_a_mass_many_of_its_errors_off_is_contradicted():
     # an error that is much smaller than one per cent, which no engineer weighs by, is taken at its word
     told = rsgen.identify(test, LAW, mass=0.995 * MASS, mass_error=5e-4 * MASS)
     assert [one.code for one in told.verdict.decided_by] == ["fixed-contradicted"]
+    # a pattern of less than a hundredth of the force moves no mass by three hundredths
+    test = noisy(surface("cubic"), NOISE / 10, 1)
+    gained = replace(test, force=test.force * (1 + 0.006 * np.sin(3 * test.level)))
+    for off, said in ((1, set()), (1.03, {"fixed-contradicted"})):
+        asked = rsgen.identify(gained, LAW, mass=off * MASS, mass_error=5e-3 * MASS)
+        assert {one.code for one in asked.verdict.decided_by} == said
+        assert codes(asked) & {"law-does-not-fit", "fixed-contradicted"} == (said or {"law-does-not-fit"})
 
 
 def test_where_forces_follow_the_mass_all_linear_values_have_its_error():

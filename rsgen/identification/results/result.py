@@ -107,7 +107,7 @@ def mass_lines(found: Identification, *, rms: bool = False) -> list[str]:
         if not isfinite(mass.standard_error):
             now = "is not determined with the test"
         elif away > STANDARD_ERRORS_OF_DIFFERENCE:
-            now += ": law, mass or units of the channels are wrong"
+            now += ": check law, mass and units of the channels"
         elif mass.standard_error >= (1 - RELATIVE_CHANGE_NEGLIGIBLE) * weighed[1]:
             now = "is not checked by the test"
         given = f"{short(weighed[0], 5)} ± {short(weighed[1], 2)} kg (standard error)"
