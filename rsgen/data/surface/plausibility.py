@@ -248,8 +248,8 @@ def _levels_in_other_unit(surface: ResponseSurface, force: Array, names: dict[st
     least = np.log(np.clip(levels, measured.min(axis=0), measured.max(axis=0)) / levels)
     off = np.log(measured[2] / levels)
     # levels that have their names from forces near the resonance are in one proportion to these
-    apart = np.ptp(np.log(measured[0] / levels)) > 2 * RELATIVE_ERROR_DOUBTFUL
-    if not (apart or np.any(np.abs(least) > MIN_MISFIT_REDUCTION * np.abs(off))):
+    unlike = np.ptp(np.log(measured[0] / levels)) > 2 * RELATIVE_ERROR_DOUBTFUL
+    if not (unlike or np.any(np.abs(least) > MIN_MISFIT_REDUCTION * np.abs(off))):
         return
     factors = {name: COMMON_FACTORS[name] for name in ("rms", "peak-to-peak")}
     kinds = [nearest_factor(float(times), factors) for times in np.exp(off)]
