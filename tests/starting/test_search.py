@@ -1,5 +1,7 @@
 """Values found without a start: searches, and the equations that they fulfil."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -10,7 +12,7 @@ from rsgen.dynamics.virtual_test import add_noise
 from rsgen.formula.reading import parse
 from rsgen.identification.starting.equations import Equations, equation_rows
 from rsgen.identification.starting.search import _Search as Search
-from rsgen.identification.starting.start import solve_equations
+from rsgen.identification.starting.start import _misfit_of_most, solve_equations
 from rsgen.law.element import make_element
 from rsgen.law.memory import with_memory
 from rsgen.law.motion import Motion, project, sine_motion
@@ -109,3 +111,13 @@ def test_a_start_leaves_out_loops_that_do_not_close(rate, searched):
     equations = Equations.plain(omega, np.where(np.isnan(force), 50.0, force), motion.harmonics)
     found = solve_equations(equations, law, {})
     assert [*found.values, found.mass] == pytest.approx([*true, MASS], rel=1e-5)
+
+
+def test_of_two_starts_a_point_at_a_jump_does_not_decide():
+    def found(most: float, jump: float, lost: float):
+        misfit = np.array([most] * 38 + [jump, lost])
+        return SimpleNamespace(force=misfit, regression=SimpleNamespace(misfit=misfit))
+
+    right, wrong = found(0.005, 1.55, np.nan), found(0.01, 1.54, 0.01)
+    assert _misfit_of_most(right) == pytest.approx(0.005**2)
+    assert _misfit_of_most(wrong) == pytest.approx(0.01**2)

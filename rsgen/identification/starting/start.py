@@ -23,6 +23,7 @@ from rsgen.common.tolerances import (
     ANY_LAW,
     ASSUMED_DAMPING_RATIO,
     MAX_ALTERNATIONS,
+    MAX_SHARE_OF_OUTLIERS_BY_CHANCE,
     MAX_TRIAL_STEPS,
     MIN_NULL_COMPONENT,
     MIN_RELATIVE_SLOPE,
@@ -346,7 +347,13 @@ def _start_first_order(problem: Problem) -> Array:
     fits = [fit_balance(few, trial, order=START_HARMONICS, correct=False) for trial in trials]
     # a trial that follows no point has no misfit
     followed = [found for found in fits if np.isfinite(_cost(found))]
-    return min(followed or fits, key=lambda found: found.regression.sigma).regression.parameters
+    return min(followed or fits, key=_misfit_of_most).regression.parameters
+
+
+def _misfit_of_most(found: Fit) -> float:
+    """Return the mean square misfit without the largest ones: one point at a jump may have more than all."""
+    most = round((1 - MAX_SHARE_OF_OUTLIERS_BY_CHANCE) * len(found.force))
+    return float(np.nanmean(np.sort(found.regression.misfit)[:most] ** 2))
 
 
 def _start_on_both_sides(problem: Problem, points: Points, values: Array) -> Iterator[Solution]:
