@@ -42,6 +42,7 @@ from rsgen.common.tolerances import (
     MAX_NEWTON_STEPS,
     MIN_GAIN_OF_STEP,
     MIN_NULL_COMPONENT,
+    MISFIT_DOUBTFUL_WITH_PATTERN,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
     NEAR_STEPS,
@@ -481,7 +482,8 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
     Returns
     -------
     Fit or None
-        None where the simulator cannot follow enough of the points.
+        None where the simulator cannot follow enough of the points, or the first steps of a law without
+        memory neither converge nor leave a misfit that could be noise.
     """
     observed, before = problem.observed, start.regression
     noisy = before.sigma > MISFIT_OF_NOISE
@@ -514,8 +516,13 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         parameters, nuisance = found.parameters, found.nuisance
         exact = found.sigma < _RESOLUTION * accuracy
         # the minimum of a memory that two rounds do not settle is often at infinity
-        if (found.converged or problem.law.remembers) and (exact or found.sigma > _WORTH * noise):
+        settles = found.converged or problem.law.remembers
+        if settles and (exact or found.sigma > _WORTH * noise):
             break
+        pattern = is_systematic(found.residual, observed.points.pairs(found.used))
+        if not settles and pattern and found.rms_misfit > MISFIT_DOUBTFUL_WITH_PATTERN:
+            # the values of a law that is wrong may run away
+            return None
         # near a fold derivatives change quickly
         noise = found.sigma
         forward.renew()
