@@ -62,7 +62,8 @@ _MAX_EXCLUDED_SHARE = 0.75 * MAX_SHARE_OF_OUTLIERS
 ``MAX_SHARE_OF_OUTLIERS``, the most that a fit excludes."""
 
 _MAX_SINGLE_EXCLUDED = 3
-"""Excluded points that may be single drop-outs of a small test; levels at which they are named."""
+"""Excluded points that may be single drop-outs of a small test; levels at which more than twice as many are
+named."""
 
 _JUMP, _JUMP_TO_STEPS = 1.5, 2.0
 """Least ratio of the motions on both sides of a jump, and of its logarithm to that of other neighbours."""
@@ -179,13 +180,15 @@ def at_jump(amplitude: Array, missed: NDArray[np.bool_]) -> bool:
 
 
 def points_at(level: Array, frequency: Array, unit: str) -> str:
-    """Return where points (n,) are, as findings name them: the ends of their frequencies at a few levels."""
-    texts = list[str]()
+    """Return where points (n,) are, as findings name them: each of a few, else their ends at a few levels."""
+    texts, few = list[str](), len(level) <= 2 * _MAX_SINGLE_EXCLUDED
     for one in np.unique(level):
         at = [f"{place:.5g}" for place in np.sort(frequency[level == one])]
         many = f"{len(at)} frequencies from {at[0]} to {at[-1]}"
-        texts.append(f"{one:.4g} {unit_text(unit)} at {' and '.join(at) if len(at) < 3 else many} Hz")
-    return "; ".join(texts[:_MAX_SINGLE_EXCLUDED] + ["other levels"] * (len(texts) > _MAX_SINGLE_EXCLUDED))
+        texts.append(f"{one:.4g} {unit_text(unit)} at {', '.join(at) if few or len(at) < 3 else many} Hz")
+    if not few and len(texts) > _MAX_SINGLE_EXCLUDED:
+        texts[_MAX_SINGLE_EXCLUDED:] = ["other levels"]
+    return "; ".join(texts)
 
 
 def nearly_held(

@@ -177,6 +177,14 @@ def test_points_left_out_have_a_reason():
     assert np.array_equal(curve.reason == "", curve.used)
 
 
+def test_few_points_are_named_one_by_one() -> None:
+    level, frequency = np.array([1, 2, 3, 4, 4, 4, 4.0]), np.arange(10, 17)
+    named = "1 N at 10 Hz; 2 N at 11 Hz; 3 N at 12 Hz; 4 N at 13, 14, 15 Hz"
+    assert points_at(level[:6], frequency[:6], "N") == named
+    assert points_at(level, frequency, "N").endswith("3 N at 12 Hz; other levels")
+    assert points_at(level[3:], frequency[3:], "N") == "4 N at 13, 14, 15, 16 Hz"
+
+
 def test_points_beyond_a_fold_that_a_falling_force_holds_are_no_warning() -> None:
     """An exciter without a controller keeps motions that no held force keeps."""
     law, damper = "k*x + c*v + k3*x**3 + Ff*sign(v)", 8.0
