@@ -552,6 +552,8 @@ def test_of_a_level_asked_for_what_the_tested_sweep_reaches_is_said_first(way, r
     fell = own.frequency < 9.758 if reaches else own.frequency > 9.902
     curve = predict(found, [0.3])[0.3]
     (led,) = (jump for jump in curve.jumps if jump.sweep == way)
+    at_jump = pytest.approx((led.frequency, led.landing), rel=1e-9)
+    assert reaches or (said["swept_at"], said["swept"]) == at_jump
     rising = next(jump for jump in curve.jumps if jump.landing > jump.amplitude)
     # integrated from rest below the jump to 0.3 % beyond it
     slow = SweepLaw("linear", 0.97 * rising.frequency, 2.5e-4)

@@ -371,8 +371,8 @@ def _curve(
         spread = band / np.maximum(np.abs(gain), 1e-300)
         spread[spread > MAX_LINEAR_CHANGE * size] = np.nan
         seen, lag = _at_sensor(identification, omega, size, at.force)
-        slope = np.diff(omega)
-        turn = np.flatnonzero(slope[:-1] * slope[1:] < 0) + 1
+        turn = np.flatnonzero(np.diff(omega[1:]) * np.diff(omega[:-1]) < 0) + 1
+        gain[turn] = np.abs(gain[turn])  # zero but for round-off, whose sign cut a stable branch short
         half = balance.frequency_spread(band[turn], size[turn], omega[turn], at.harmonics[turn])
         folds += np.stack([omega[turn], np.abs(seen[turn]), half], axis=1).tolist()
         # a point without numbers separates the parts
