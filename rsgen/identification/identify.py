@@ -230,14 +230,18 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     if quick is None or lost:
         # nor would it follow enough of all points
         return balanced
-    near = replace(balanced.regression, parameters=quick.regression.parameters)
-    start = replace(balanced, regression=replace(near, sigma=quick.regression.sigma))
+    by_chance = f_quantile(quick.regression.freedom, quick.regression.freedom, (1 + SIGNIFICANCE_LEVEL) / 2)
+    gain = (balanced.regression.rms_misfit / quick.regression.rms_misfit) ** 2
+    start, values = balanced, quick.regression.parameters
+    if gain > by_chance:
+        # the balance missed, and forces that it has at its values may lie beyond a fold at these
+        start = fit_balance(problem, values, order=balanced.order, compared=BALANCE_HARMONICS, steps=0)
+    near = replace(start.regression, parameters=values, sigma=quick.regression.sigma)
+    start = replace(start, regression=near)
     if quick.regression.sigma < _RESOLVED * accuracy:
         accuracy = _ACCURACIES[1]
     all_points = len(few) == len(balanced.force)
     whole = all_points and accuracy == _ACCURACIES[0]
-    by_chance = f_quantile(quick.regression.freedom, quick.regression.freedom, (1 + SIGNIFICANCE_LEVEL) / 2)
-    gain = (balanced.regression.rms_misfit / quick.regression.rms_misfit) ** 2
     if not whole and law_misses(quick) and gain <= by_chance:
         # exact corners are not what it misses, and all points would take minutes
         return balanced

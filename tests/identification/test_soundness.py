@@ -185,6 +185,21 @@ def test_few_points_are_named_one_by_one() -> None:
     assert points_at(level[3:], frequency[3:], "N") == "4 N at 13, 14, 15, 16 Hz"
 
 
+@pytest.mark.slow
+def test_an_outlier_at_a_jump_takes_no_point_before_a_fold_with_it() -> None:
+    """It pulls the balance off, whose forces then lie beyond folds of the law."""
+    law = "k*x + ks*(Max(0, x - b) + Min(0, x + b)) + c*v + Ff*sign(v)"
+    values = {"k": 5040.0, "ks": 3200.0, "b": 1.1e-3, "c": 1.135, "Ff": 0.06}
+    how = {"noise_relative": 0.007, "sweep": "up"}
+    test = simulated(law, values, [0.294, 0.588, 0.98, 1.77], (8, 19, 111), 1.0, **how)
+    motion, rows = test.harmonics[:, 1].copy(), np.flatnonzero(test.level == 0.588)
+    last = rows[np.argmax(-np.diff(np.abs(motion[rows])))]
+    motion[last] *= 0.3
+    found = identify(fundamentals(test, motion, sweep="up"), law, mass=1.0)
+    assert np.flatnonzero(~found.curve.used).tolist() == [last]
+    assert found.verdict.state == "identified"
+
+
 def test_points_beyond_a_fold_that_a_falling_force_holds_are_no_warning() -> None:
     """An exciter without a controller keeps motions that no held force keeps."""
     law, damper = "k*x + c*v + k3*x**3 + Ff*sign(v)", 8.0
