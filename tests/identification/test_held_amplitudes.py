@@ -137,7 +137,7 @@ def test_real_amplitudes_with_a_complex_force_are_its_phase_reference():
 
 @pytest.mark.parametrize(("level", "control", "said"), [
     (1e4, "force", "the test held its response"),
-    (1000.0, "response", "the amplitude that was held is 300 µm, 0.001 times as much"),
+    (1000.0, "response", "the amplitude that was held is 301 µm, 0.001 times as much"),
     (None, "response", "as where the measured amplitudes were given as levels"),
     (1.0, "response", ""),
 ])  # fmt: skip

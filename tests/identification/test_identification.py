@@ -210,7 +210,7 @@ def test_a_wrong_law_whose_first_simulated_steps_do_not_converge_keeps_its_balan
         return replace(found, converged=False) if simulated_steps else found
 
     monkeypatch.setattr(module, "fit", unfinished)
-    stops, friction = "k*x + ks*(Max(0, x - b) + Min(0, x + b)) + c*v", {"Ff": 0.06}
+    stops, friction = "k*x + ks*(Max(0, x - b) + Min(0, x + b)) + c*v", {"Ff": 0.08}
     values = {"k": 5040.0, "ks": 3200.0, "b": 1.1e-3, "c": 1.1}
     test = simulated(stops + " + Ff*sign(v)", values | friction, [0.3, 1.8], (10, 18, 60), 1.0)
     found = identify(test, stops, mass=1.0)
@@ -276,5 +276,6 @@ def test_parameters_that_ran_away_are_not_said_to_need_higher_levels_alone():
     found = identify(test, f"k*x + c*v + {laws['iwan4'].force}")
     said = {one.name: one.finding for one in found if one.finding}
     assert {name: finding.code for name, finding in said.items()} == {"R": "no-effect", "chi": "no-effect"}
-    assert said["chi"]["value"] > 1e3
+    # that of real joints lies between -1 and 0
+    assert said["chi"]["value"] > 10
     assert found["S"].value * found["phimax"].value == pytest.approx(2.0, rel=5e-3)

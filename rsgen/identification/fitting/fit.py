@@ -42,9 +42,9 @@ from rsgen.common.tolerances import (
     MAX_NEWTON_STEPS,
     MIN_GAIN_OF_STEP,
     MIN_NULL_COMPONENT,
+    MISFIT_DOUBTFUL_PATTERN_UNSEEN,
     MISFIT_NEGLIGIBLE,
     MISFIT_OF_NOISE,
-    MISFIT_REJECTED,
     NEAR_STEPS,
     OUTLIER_SIGMAS,
     RELATIVE_CHANGE_NEGLIGIBLE,
@@ -520,7 +520,7 @@ def fit_simulator(problem: Problem, start: Fit, *, accuracy: float) -> Fit | Non
         if settles and (exact or found.sigma > _WORTH * noise):
             break
         pattern = is_systematic(found.residual, observed.points.pairs(found.used))
-        if not settles and pattern and found.rms_misfit > MISFIT_REJECTED:
+        if not settles and pattern and found.rms_misfit > MISFIT_DOUBTFUL_PATTERN_UNSEEN:
             # the values of a law that is wrong may run away
             return None
         # near a fold derivatives change quickly
