@@ -314,7 +314,10 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
         if not np.any((median > LEVEL_TOLERANCE * levels) | (levels > LEVEL_TOLERANCE * largest)):
             # where the force is as often the level at one as at another, the levels may be in another unit
             pushed, most = median / levels, largest / levels
-            if swapped or not np.any(pushed[:, None] > LEVEL_TOLERANCE * most):
+            factors = {"rms": COMMON_FACTORS["rms"]}
+            # the motion of a base is held: one factor at all levels is no loss of force
+            apart = surface.base and all(nearest_factor(float(one), factors) for one in pushed)
+            if swapped or not (apart or np.any(pushed[:, None] > LEVEL_TOLERANCE * most)):
                 return replace(surface, findings=(*surface.findings, *swapped))
     if not np.isfinite(typical).all():
         return surface

@@ -128,13 +128,17 @@ def test_levels_without_a_column_are_amplitudes_of_what_was_measured_of_the_base
     order = {"displacement": 0, "velocity": 1, "acceleration": 2}[quantity]
     force = -base * (1j * OMEGA) ** (2 - order)
     z = force / ((2 * np.pi * 17) ** 2 - OMEGA**2 + 10j * OMEGA)
-    path = write_columns(tmp_path / "a.csv", "", FREQUENCY, base, z.real, z.imag)
+    path = write_columns(tmp_path / "a.csv", "", FREQUENCY, base, z.real, z.imag, 10 * LEVEL / 2**0.5)
     rule = BaseRule(Channel(amplitude=2, quantity=quantity), "relative")
     response = Channel(real=3, imaginary=4, phase_sense="lead")
-    surface = read_planned(path, force=None, response=response, phase_known=True, base=rule)
+    how = {"force": None, "response": response, "phase_known": True, "base": rule}
+    surface = read_planned(path, **how)
     assert np.sort(surface.levels) == pytest.approx([3.0, 10.0], rel=0.01)
     # levels that were measured check no unit
     assert only(surface, "not-recorded").names == {"signal": "levels"}
+    # those that are given as root mean squares of a motion that was held have one factor
+    given = read_planned(path, **how, level=LevelRule(column=5))
+    assert only(given, "levels-disagree").names["near"] == "rms"
 
 
 def test_a_fast_sweep_of_a_base_names_no_mass(tmp_path):
