@@ -316,8 +316,8 @@ def name_levels(surface: ResponseSurface, test: MeasuredTest, known: bool, said:
             pushed, most = median / levels, largest / levels
             factors = {"rms": COMMON_FACTORS["rms"]}
             # the motion of a base is held: one factor at all levels is no loss of force
-            apart = surface.base and all(nearest_factor(float(one), factors) for one in pushed)
-            if swapped or not (apart or np.any(pushed[:, None] > LEVEL_TOLERANCE * most)):
+            scaled = surface.base and all(nearest_factor(float(one), factors) for one in pushed)
+            if swapped or not (scaled or np.any(pushed[:, None] > LEVEL_TOLERANCE * most)):
                 return replace(surface, findings=(*surface.findings, *swapped))
     if not np.isfinite(typical).all():
         return surface
