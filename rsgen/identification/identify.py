@@ -121,6 +121,7 @@ def fit_all_harmonics(problem: Problem, start: Array, attained: float = 0.0) -> 
     if not (feeds or hidden) and attained < found.regression.rms_misfit < MISFIT_REJECTED:
         simulated = _refit_with_simulator(found)
         if law.remembers and simulated is not found:
+            # where it did not converge the balance would not either, and lose points on its way
             return simulated
         found = simulated
     return _descended(found)
@@ -241,11 +242,11 @@ def _refit_with_simulator(balanced: Fit) -> Fit:
     if quick.regression.sigma < _RESOLVED * accuracy:
         accuracy = _ACCURACIES[1]
     all_points = len(few) == len(balanced.force)
-    whole = all_points and accuracy == _ACCURACIES[0]
-    if not whole and law_misses(quick) and gain <= by_chance:
+    quick_suffices = all_points and accuracy == _ACCURACIES[0]
+    if not quick_suffices and law_misses(quick) and gain <= by_chance:
         # exact corners are not what it misses, and all points would take minutes
         return balanced
-    refitted = quick if whole else fit_simulator(problem, start, accuracy=accuracy)
+    refitted = quick if quick_suffices else fit_simulator(problem, start, accuracy=accuracy)
     if all_points and problem.law.remembers and not (refitted and refitted.regression.converged):
         # the coarser accuracy has settled the values
         refitted = quick

@@ -306,7 +306,7 @@ class Findings:
         # a wrong fixed value leaves what terms take up as well, a ratio of channels what backgrounds do
         ratio_differs = any(f.code == "channels-delayed" and "gain" in f.numbers for f in of_test)
         ambiguous = (f for f in self.stated.ambiguous if not (ratio_differs and "background" in f.names))
-        # where steps ended, no other fit moves a value
+        # values at which the steps ended are compared with no other fit
         of_law += () if wrong or not self.fit.regression.converged else ambiguous
         valued = {e.name for e in self.estimates if np.isfinite(e.value)}
         return (

@@ -118,9 +118,9 @@ def misfit_findings(
         Alternatives to the fit, each to first order.
     """
     misfit = fit.regression.rms_misfit
-    # a value of a memory that has no end leaves a pattern, of which the law is not to blame
-    endless = fit.problem.law.remembers and not fit.regression.converged and misfit < MISFIT_REJECTED
-    if endless or not fit.systematic:
+    # the pattern that a fit leaves whose values grow without limit is no fault of a law with memory
+    diverges = fit.problem.law.remembers and not fit.regression.converged and misfit < MISFIT_REJECTED
+    if diverges or not fit.systematic:
         return _noise_findings(surface, points, fit)
     size = _of_systematic_columns(fit) if surface.decays else misfit
     # above a hundredth intervals are too narrow, of a joint from its noise on

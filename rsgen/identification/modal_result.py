@@ -282,12 +282,12 @@ class ModalSplines(Brief):
         knots = np.concatenate([basis.knots[:1], np.log(held), basis.knots[-1:]])
         lines = np.eye(len(held))[np.pad(np.arange(len(held)), 1, mode="edge")]
         lines[-1] += (lines[-1] - lines[-3]) * (knots[-1] - knots[-2]) / (knots[-2] - knots[-3])
-        whole = block_diag(*[lines] * (1 + len(self.orders)), np.eye(1))
+        transform = block_diag(*[lines] * (1 + len(self.orders)), np.eye(1))
         return replace(
             self,
             basis=SplineBasis(np.pad(knots, 1, mode="edge"), 1, 0),
-            values=whole[:-1, :-1] @ self.values,
-            covariance=whole @ self.covariance @ whole.T,
+            values=transform[:-1, :-1] @ self.values,
+            covariance=transform @ self.covariance @ transform.T,
             others=tuple((weight, other.through(held)) for weight, other in self.others),
             held=held,
         )

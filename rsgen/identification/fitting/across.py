@@ -124,8 +124,8 @@ def law_of(
     if means is not None:
         sensors_of(elements, len(means) - 1)
     if len(forces) == 1:
-        # an odd law has asymmetric motions, too: in one well of two, or after symmetry breaking
-        # but of a slider that sticks the mean says nothing
+        # an odd law has asymmetric motions, too: in one well of two, or after symmetry breaking;
+        # the mean of a slider that sticks is where it came to rest
         return replace(total, odd=False) if total.odd and asymmetric[total.remembers] else total
     parts = []
     for motion, (sensors, force) in enumerate(forces.items()):

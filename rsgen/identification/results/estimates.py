@@ -321,8 +321,8 @@ def moves_of(
         moves = {name: round(float(moved[name] / value), 1) for name, value in values.items()}
         # slopes tell little beyond
         part = 1.0 if max(map(abs, moves.values())) < 20 else 0.1
-        each = ", ".join(f"{name} by {number_text(part * move, 2)} %" for name, move in moves.items())
-        said.append(f"{part:g} % of {cause} moves {each}")
+        effects = ", ".join(f"{name} by {number_text(part * move, 2)} %" for name, move in moves.items())
+        said.append(f"{part:g} % of {cause} moves {effects}")
     return "; ".join(said)
 
 
