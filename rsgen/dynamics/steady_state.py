@@ -315,17 +315,20 @@ def solve_steady_states(
     Raises
     ------
     RsgenError
-        A force or a start is not finite, or an element acts across two sensors.
+        Shapes do not fit, a frequency is not positive, harmonics or accuracy are out of range. An element
+        acts across two sensors.
     """
     refuse_across(oscillator.sensors, simulation=True)
     F = np.atleast_1d(np.asarray(force, dtype=np.complex128))
     f = np.atleast_1d(np.asarray(frequency, dtype=np.float64))
+    _check(F, f, harmonics, accuracy)
     y = None if start is None else np.asarray(start, dtype=np.float64)
-    if not np.isfinite(F).all():
-        raise RsgenError("force: must be finite everywhere")
     compiled = partial(compile_kernel, oscillator.force, values=oscillator.values)
     kernel = compiled(locate_all=accuracy < LOCATING_ACCURACY)
-    coarse = compiled(coarse=True) if kernel.rows.curves else kernel
+    rows = kernel.rows
+    coarse = compiled(coarse=True) if rows.curves else kernel
+    if y is not None and y.shape not in {(len(f), 2), (len(f), rows.smooth + rows.curves)}:
+        raise RsgenError(f"start: shape {y.shape}; must be ({len(f)}, 2), displacement and velocity")
     if y is not None and not np.isfinite(y).all():
         raise RsgenError("start: must be finite everywhere")
     values = np.array([oscillator.values[name] for name in kernel.parameters])
@@ -343,6 +346,18 @@ def solve_steady_states(
 
     done = map_batches(solve, len(f))
     return done[0] if len(done) == 1 else SteadyStates.joined(done)
+
+
+def _check(force: ComplexArray, frequency: Array, harmonics: int, accuracy: float) -> None:
+    if force.shape != frequency.shape or force.ndim != 1:
+        raise RsgenError(f"force, frequency: shapes {force.shape}, {frequency.shape}; must be (n,) both")
+    if not np.isfinite(force).all():
+        raise RsgenError("force: must be finite everywhere")
+    if not np.all(np.isfinite(frequency) & (frequency > 0)):
+        raise RsgenError("frequency: must be positive and finite everywhere [Hz]")
+    for name, rule, value in (("harmonics", HARMONICS, harmonics), ("accuracy", ACCURACY, accuracy)):
+        if fault := rule.fault(value):
+            raise RsgenError(f"{name}: {fault}")
 
 
 def _solve_batch(
