@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsgen import Oscillator, load_case
+from rsgen import Oscillator, RsgenError, load_case
 from rsgen.dynamics.fixed_point import attraction, correction
 from rsgen.dynamics.kernel import compile_kernel
 from rsgen.dynamics.steady_state import solve_steady_states
@@ -177,6 +177,18 @@ def test_a_mass_that_friction_holds_does_not_move():
     assert states.settled.all()
     assert np.all(states.harmonics[:2] == 0)
     assert np.abs(states.harmonics[2, 1]) > 0
+
+
+@pytest.mark.parametrize(("changed", "place"), [
+    ({"force": np.ones(3)}, "force, frequency: shapes"), ({"force": [1.0, np.nan]}, "force: "),
+    ({"frequency": [1.0, -1.0]}, "frequency: "), ({"frequency": [1.0, np.nan]}, "frequency: "),
+    ({"harmonics": 0}, "harmonics: "), ({"accuracy": -1.0}, "accuracy: "),
+    ({"start": np.ones(3)}, "start: shape"), ({"start": np.full((2, 2), np.nan)}, "start: "),
+])  # fmt: skip
+def test_what_has_no_steady_states_is_refused_by_its_name(changed, place):
+    given = {"force": np.ones(2), "frequency": np.ones(2), **changed}
+    with pytest.raises(RsgenError, match=f"^{place}"):
+        solve_steady_states(Oscillator(1.0, "k*x + c*v", {"k": 50.0, "c": 1.0}), **given)
 
 
 def test_what_never_settles_has_an_outcome_and_no_numbers():

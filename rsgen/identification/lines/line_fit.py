@@ -456,7 +456,8 @@ def channel_errors(fit: LineFit) -> dict[str, ChannelError]:
         size = max(float(np.linalg.norm(slope)), 1e-300)
         value = float(np.sum(slope * residual)) / size**2
         left = fit.misfit * float(np.linalg.norm(residual - slope * value) / np.linalg.norm(residual))
-        kinds[name] = min(one := ChannelError(left, value, interval_sigmas() / size), kinds.get(name, one))
+        error = ChannelError(left, value, interval_sigmas() / size)
+        kinds[name] = min(error, kinds.get(name, error))
     return kinds
 
 
